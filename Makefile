@@ -5,6 +5,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 TRAIN := $(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["train"])'
+# Many tests wait for processes that they started: three at a time keep two cores busy.
+TEST_WORKERS ?= 3
 # What is installed: what the commands need, or what developers need as well.
 RUNTIME := $(VENV)/.runtime
 DEV := $(VENV)/.dev
@@ -12,6 +14,8 @@ DEV := $(VENV)/.dev
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export NUMBA_NUM_THREADS := 1
+# Byte code is kept, whatever the environment says: the tests start many processes, each of which would compile all modules.
+export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: demo test check mutants bench golden docs setup
 
@@ -20,7 +24,7 @@ demo: $(RUNTIME)  ## Run the whole job on the embedded scene; writes demo/report
 
 test: $(DEV)  ## Run all tests, the longest files first; kernels are compiled before; the slowest 20 are named
 	$(BIN)/readygo warm
-	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder --durations=20 --durations-min=1
+	$(BIN)/pytest -n $(TEST_WORKERS) --dist loadfile --no-loadscope-reorder --durations=20 --durations-min=1
 
 check: $(DEV)  ## Style, types, import rules, plain words, and a test for every module
 	$(BIN)/ruff format --check .

@@ -3,7 +3,6 @@
 import contextlib
 import dataclasses
 import difflib
-import errno
 import functools
 import importlib
 import io
@@ -32,11 +31,10 @@ READER_GONE = 128 + signal.SIGPIPE
 HELP = ("-h", "--help")
 HELP_ALL = "--help-all"
 KEPT = "what is recorded or saved stays, run the same command again to resume."
+NOTHING_SAVED = "nothing is saved yet."
 AGAIN_S = 0.05
 ALIKE_MIN = 0.8
 """Similarity from which a misspelt command is taken for another; "record" is none of "recover"."""
-NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
-"""Error numbers of a full disk: such errors name no file, yet the user can mend them."""
 
 
 Options = TypeVar("Options")
@@ -58,7 +56,7 @@ def run_command(commands: Mapping[str, CliCommand], argv: Sequence[str]) -> None
     that names a file, a full disk. Every other exception is a bug and shows its traceback. Ctrl-C exits with 130;
     SIGTERM ends a command in the same way, with 143.
     """
-    from readygo.common.errors import ReadygoError
+    from readygo.common.errors import NO_ROOM, ReadygoError
     from readygo.common.printable import PlainLines
 
     _mend_streams()
@@ -80,6 +78,7 @@ def run_command(commands: Mapping[str, CliCommand], argv: Sequence[str]) -> None
         _drop_output()
         raise SystemExit(READER_GONE) from None
     except OSError as error:
+        # The error of a full disk names no file, yet the user can mend it.
         if error.filename is None and error.errno not in NO_ROOM:
             raise
         _drop_output()
@@ -98,11 +97,13 @@ def _run(call: Callable[[], object]) -> None:
     try:
         call()
     except KeyboardInterrupt as stop:
-        if was_there or str(stop):
+        if was_there:
             raise
         with contextlib.suppress(OSError):
             out.rmdir()
-        raise KeyboardInterrupt(KEPT if out.exists() else "nothing is saved yet.") from None
+        if str(stop):
+            raise
+        raise KeyboardInterrupt(KEPT if out.exists() else NOTHING_SAVED) from None
 
 
 def _terminate(number: int, frame: object) -> None:

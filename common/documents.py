@@ -59,6 +59,42 @@ def write_toml(path: Path, tables: Mapping[str, Any], *, raises: type[ReadygoErr
     write_whole(path, tomli_w.dumps(_given(tables)), raises=raises)
 
 
+def read_tagged(
+    path: Path, tag: str, *, raises: type[ReadygoError], missing: str, remedy: str, old: str = ""
+) -> dict[str, Any]:
+    """The tables of a TOML file that says by `format` what it holds.
+
+    Args:
+        path: The file.
+        tag: The format that this version reads.
+        raises: Exception for a file that cannot be used.
+        missing: What to do if the folder has no such file.
+        remedy: What to do if it is no TOML, or has another format.
+        old: What to do if it has another format, if that is not the same.
+
+    Raises:
+        ReadygoError: `raises`, if the file is missing, no TOML, or of another format.
+    """
+    try:
+        tables = read_toml(path)
+    except OSError as error:
+        raise raises(f"{path.parent} holds no {path.name}; {missing}.") from error
+    except ValueError as error:
+        raise raises(f"{path} is no TOML file: {error}; {remedy}.") from error
+    if tables.get("format") != tag:
+        raise raises(f"{path} has format {tables.get('format')!r}, this version reads {tag!r}; {old or remedy}.")
+    return tables
+
+
+def write_json(path: Path, value: Any, *, raises: type[ReadygoError]) -> None:
+    """Write plain values as an indented JSON file, whole or not at all.
+
+    Raises:
+        ReadygoError: `raises`, if the file cannot be written.
+    """
+    write_whole(path, json.dumps(value, indent=2) + "\n", raises=raises)
+
+
 def _given(tables: Mapping[str, Any]) -> dict[str, Any]:
     """The keys that have a value: TOML has no null."""
     return {

@@ -1,9 +1,12 @@
 """Exceptions that a user can act on; the command line prints one line of them and exits with code 2."""
 
+import errno
 import os
 
 CANNOT_WORK = os.EX_CONFIG
 """Exit code of a worker that no restart would help: its settings, its data or its disk must be mended."""
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
+"""Error numbers of a full disk."""
 
 
 class ReadygoError(Exception):

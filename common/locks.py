@@ -3,7 +3,11 @@
 import fcntl
 import os
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+
+from readygo.common.errors import RunError
 
 POLL_S = 0.1
 
@@ -19,15 +23,18 @@ def hold(path: Path, *, patience_s: float = 0.0) -> int | None:
         A descriptor that holds the lock until it is closed; None if another process does.
 
     Raises:
-        OSError: If the file cannot be made.
+        OSError: If the file cannot be made, or its disk knows no locks.
     """
     deadline_s = time.monotonic() + patience_s
     while True:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(descriptor)
         except OSError:
             os.close(descriptor)
+            raise
         else:
             if _is_still(path, descriptor):
                 return descriptor
@@ -36,6 +43,25 @@ def hold(path: Path, *, patience_s: float = 0.0) -> int | None:
         if time.monotonic() >= deadline_s:
             return None
         time.sleep(POLL_S)
+
+
+@contextmanager
+def held(path: Path, *, patience_s: float = 0.0) -> Iterator[int | None]:
+    """Lock a file, which is made with its folder if missing, while the context is active; yields what `hold` returns.
+
+    Raises:
+        RunError: If the file cannot be made.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        descriptor = hold(path, patience_s=patience_s)
+    except OSError as error:
+        raise RunError(f"{path.parent} cannot be written: {error.strerror}.") from error
+    try:
+        yield descriptor
+    finally:
+        if descriptor is not None:
+            os.close(descriptor)
 
 
 def _is_still(path: Path, descriptor: int) -> bool:

@@ -1,9 +1,9 @@
 """Episodes that a run has set aside: files by which a user can find out what went wrong."""
 
-import json
 from collections.abc import Mapping
 
 from readygo.common.dataset.aside import SET_ASIDE
+from readygo.common.documents import write_json
 from readygo.common.errors import ReadygoError, RunError
 from readygo.common.files import write_whole
 from readygo.common.messages import HumanPlanReply, decode
@@ -25,7 +25,7 @@ def note_set_aside(folder: RunFolder, given_up: Mapping[int, str]) -> None:
     file = folder.path / SET_ASIDE
     if given_up:
         reasons = {str(index): reason for index, reason in given_up.items()}
-        write_whole(file, json.dumps(reasons, indent=2) + "\n", raises=RunError)
+        write_json(file, reasons, raises=RunError)
     else:
         file.unlink(missing_ok=True)
 

@@ -141,10 +141,11 @@ def merge_sections(base: RunConfig, sections: Mapping[str, Any]) -> RunConfig:
 
 
 def check_cameras(config: RunConfig) -> None:
-    """Raise ConfigError if the sensor's ranges exceed what a camera of the robot can have."""
+    """Raise ConfigError if the ranges of sensor and robot exceed what a camera can have, or the backend can draw."""
     # Imported here: Numba takes a second to load, which reading settings does not need.
     from readygo.common.camera.lens import check_sensor
 
+    config.renderer.check_robot(config.robot)
     for camera in config.robot.all_cameras.values():
         check_sensor(config.renderer.sensor, camera)
 

@@ -5,21 +5,23 @@ learning, 2011.
 """
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.episode import EpisodeSimulation
-from readygo.common.messages import AnimateRequest, EpisodeKey, EpisodeMotions, HumanPlanRequest, Scenario, Split
-from readygo.common.state_policy.state_driver import StateDriver
+from readygo.common.episode.loop import Command, DriverFailure, run_episode
+from readygo.common.messages import Split
+from readygo.common.state_policy.state_driver import StateDriver, StateEpisode
 from readygo.common.state_policy.state_policy import StatePolicy
 from readygo.common.state_simulation.goal_distances import GoalDistances
 from readygo.common.state_simulation.world import StateWorld
+from readygo.runs.scenarios import accepted_scenarios
 from readygo.runs.world import World
-from readygo.services.animator import Animator, handle_animate
-from readygo.services.planner import HumanPlanner, handle_human_plan
+from readygo.services.planner import Expert
 
 AHEAD_S = 0.4
 """The label is what the expert plans to do in this time: the robot follows its commands late [s]."""
@@ -55,7 +57,9 @@ class Teacher:
             distances: Of the robot's map.
         """
         self._world, self._seen, self._distances = world, seen, distances
-        self._episodes = _accepted(world, world.human_planner(react=False), world.animator())
+        self._episodes = accepted_scenarios(
+            world.human_planner(react=False), world.animator(), world.spec.seed, Split.TRAIN, itertools.count()
+        )
         self._rng = np.random.default_rng(world.spec.seed)
 
     def teach(self, policy: StatePolicy, count: int, *, alone: bool) -> Demonstrations:
@@ -66,45 +70,22 @@ class Teacher:
             count: Episodes.
             alone: True lets the expert drive all of them.
         """
+        config, robot_map = self._world.config, self._world.scene.maps.robot
         driver = StateDriver(policy, self._seen, self._distances)
         told: list[Float32Array] = []
-        labels: list[tuple[float, float]] = []
+        labels: list[Command] = []
         for scenario, motions in itertools.islice(self._episodes, count):
             taught = alone or bool(self._rng.random() < TAUGHT)
-            self._drive(driver, None if taught else policy, scenario, motions, told, labels)
-        robot = self._world.config.robot
-        shares = np.array(labels) / (robot.v_max_mps, robot.w_max_radps)
+            expert = self._world.robot_planner.expert(scenario, motions)
+            lesson = _Lesson(driver, expert, partial(self._command, None if taught else policy))
+            run_episode(EpisodeSimulation(scenario, motions, robot_map, config.robot, config.episode), lesson)
+            told += lesson.told
+            labels += lesson.labels
+        shares = np.array(labels) / (config.robot.v_max_mps, config.robot.w_max_radps)
         return Demonstrations(np.concatenate(told), shares)
 
-    def _drive(
-        self,
-        driver: StateDriver,
-        policy: StatePolicy | None,
-        scenario: Scenario,
-        motions: EpisodeMotions,
-        told: list[Float32Array],
-        labels: list[tuple[float, float]],
-    ) -> None:
-        """Drive one episode; without a policy the expert drives, with random commands in between."""
-        config = self._world.config
-        one = EpisodeSimulation(scenario, motions, self._world.scene.maps.robot, config.robot, config.episode)
-        expert, episode = self._world.robot_planner.expert(scenario, motions), driver.start(one)
-        ahead, command = one.clock.steps(AHEAD_S), (0.0, 0.0)
-        while one.outcome is None:
-            driver.perceive(one, episode)
-            if one.step % driver.hold_steps == 0:
-                commands = expert.act(one).commands
-                v, w = commands[min(ahead, len(commands) - 1)].tolist()
-                told.append(driver.told(one, episode).copy())
-                labels.append((v, w))
-                command = self._command(policy, told[-1], (v, w))
-            else:
-                expert.watch(one)
-            one.advance(*command)
-
-    def _command(
-        self, policy: StatePolicy | None, told: Float32Array, label: tuple[float, float]
-    ) -> tuple[float, float]:
+    def _command(self, policy: StatePolicy | None, told: Float32Array, label: Command) -> Command:
+        """The decision of a policy, or without one that of the expert, with random commands in between."""
         if policy is not None:
             v, w = policy.choose(told)[0].tolist()
             return v, w
@@ -115,10 +96,37 @@ class Teacher:
         return label
 
 
-def _accepted(world: World, planner: HumanPlanner, animator: Animator) -> Iterator[tuple[Scenario, EpisodeMotions]]:
-    for index in itertools.count():
-        key = EpisodeKey(seed=world.spec.seed, split=Split.TRAIN, index=index)
-        scenario = handle_human_plan(planner, HumanPlanRequest(episode=key)).scenario
-        motions = handle_animate(animator, AnimateRequest(scenario=scenario)).motions if scenario else None
-        if scenario is not None and motions is not None:
-            yield scenario, motions
+class _Lesson:
+    """Drives through one episode, and notes what it knows and the expert's label at every decision."""
+
+    looks = False
+
+    def __init__(self, driver: StateDriver, expert: Expert, choose: Callable[[Float32Array, Command], Command]) -> None:
+        """Begin an episode.
+
+        Args:
+            driver: Tells what the robot knows.
+            expert: Labels.
+            choose: The decision, by what the robot knows and the label.
+        """
+        self._driver, self._expert, self._choose = driver, expert, choose
+        self.told: list[Float32Array] = []
+        self.labels: list[Command] = []
+
+    def start(self, simulation: EpisodeSimulation) -> StateEpisode:
+        """See `Driver.start`."""
+        return self._driver.start(simulation)
+
+    def act(self, running: Sequence[tuple[EpisodeSimulation, StateEpisode]]) -> list[Command | DriverFailure]:
+        """See `Driver.act`."""
+        ((one, episode),) = running
+        self._driver.perceive(one, episode)
+        if one.step % self._driver.hold_steps == 0:
+            commands = self._expert.act(one).commands
+            v, w = commands[min(one.clock.steps(AHEAD_S), len(commands) - 1)].tolist()
+            self.told.append(self._driver.told(one, episode).copy())
+            self.labels.append((v, w))
+            episode.command = self._choose(self.told[-1], (v, w))
+        else:
+            self._expert.watch(one)
+        return [episode.command]

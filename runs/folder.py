@@ -1,7 +1,6 @@
 """A run's data folder."""
 
 import contextlib
-import fcntl
 import os
 import sqlite3
 from collections.abc import Iterator
@@ -13,7 +12,7 @@ from readygo.common.dataset.places import own_folders, shard_folders
 from readygo.common.dataset.writer import recorder_of_shard
 from readygo.common.errors import MessageError, RunError, cause
 from readygo.common.files import write_whole
-from readygo.common.locks import hold
+from readygo.common.locks import held
 from readygo.common.messages import RunSpec, decode, encode
 from readygo.runs.identity import identity
 
@@ -105,8 +104,8 @@ class RunFolder:
         if spec_file.exists():
             if self.has_data:
                 self._compare(self._spec(), spec)
-        elif self.path.exists() and any(entry.name != STATE_FOLDER for entry in self.path.iterdir()):
-            raise RunError(f"{self.path} holds files of something else; choose an empty or new folder with --out.")
+        else:
+            check_new(self.path, STATE_FOLDER)
 
     def check_other(self) -> None:
         """Check that what is no recorded data may be written into the folder; changes nothing.
@@ -131,14 +130,11 @@ class RunFolder:
             self.state.mkdir(mode=PRIVATE, exist_ok=True)
             keep_private(self.state)
             self.logs.mkdir(exist_ok=True)
-            lock = (self.state / "lock").open("w")
         except OSError as error:
             raise RunError(f"{self.path} cannot be written: {error.strerror}.") from error
-        with lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError as error:
-                raise RunError(f"Another process is generating into {self.path}; wait for it or stop it.") from error
+        with held(self.state / "lock") as lock:
+            if lock is None:
+                raise RunError(f"Another process is generating into {self.path}; wait for it or stop it.")
             yield
 
     @contextmanager
@@ -152,13 +148,10 @@ class RunFolder:
             RunError: If another coordinator stays, or the folder holds no run.
         """
         self.load()
-        descriptor = hold(self.state / "coordinator.lock", patience_s=patience_s)
-        if descriptor is None:
-            raise RunError(f"Another coordinator is at work on {self.path}; stop it first.")
-        try:
+        with held(self.state / "coordinator.lock", patience_s=patience_s) as lock:
+            if lock is None:
+                raise RunError(f"Another coordinator is at work on {self.path}; stop it first.")
             yield
-        finally:
-            os.close(descriptor)
 
     @contextmanager
     def reachable(self, endpoint: str, token: str) -> Iterator[None]:
@@ -230,6 +223,20 @@ class RunFolder:
                 f"{self.path} holds data of another run: {', '.join(different)} differ. "
                 "Choose another --out, or the settings of that run to resume it."
             )
+
+
+def check_new(folder: Path, *ours: str) -> None:
+    """Check that a command may write its results into a folder.
+
+    Args:
+        folder: It need not be there.
+        ours: Names of files that the command itself may have left there.
+
+    Raises:
+        RunError: If it holds other files.
+    """
+    if folder.exists() and any(entry.name not in ours for entry in folder.iterdir()):
+        raise RunError(f"{folder} holds files of something else; choose an empty or new folder with --out.")
 
 
 def keep_private(state: Path) -> None:

@@ -10,7 +10,7 @@ import math
 import os
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import active_children, get_context, parent_process
@@ -20,15 +20,7 @@ from typing import TYPE_CHECKING, Any
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import ConfigError, RunError, SceneError
 from readygo.common.files import cache_folder
-from readygo.common.messages import (
-    AnimateRequest,
-    EpisodeKey,
-    EpisodeMotions,
-    HumanPlanRequest,
-    RunSpec,
-    Scenario,
-    Split,
-)
+from readygo.common.messages import RunSpec, Split
 from readygo.common.perception.noise import PerceptionNoise
 from readygo.common.state_policy.state_policy import StatePolicySpec, hold_steps_of
 from readygo.common.state_simulation.bank import EpisodeBank, join_banks, load_bank, make_bank
@@ -36,12 +28,13 @@ from readygo.common.state_simulation.goal_distances import GoalDistances
 from readygo.runs.config import RunConfig
 from readygo.runs.demonstrations import Teacher
 from readygo.runs.identity import identity
+from readygo.runs.scenarios import accepted_scenarios
 from readygo.runs.sections import NO_KEYS, Keys, with_keys
 from readygo.runs.state_world import goal_distances, state_world
 from readygo.runs.training import torch_needed
 from readygo.runs.world import World
-from readygo.services.animator import Animator, handle_animate
-from readygo.services.planner import HumanPlanner, handle_human_plan
+from readygo.services.animator import Animator
+from readygo.services.planner import HumanPlanner
 from readygo.services.trainer import ReinforcementConfig
 
 if TYPE_CHECKING:
@@ -277,21 +270,11 @@ class _Makers:
     def draw(self, split: Split, indices: range, path: Path) -> EpisodeBank:
         """Draw a part and keep it."""
         planner, animator, distances = self._made
-        pairs = list(self._accepted(planner, animator, split, indices))
+        pairs = list(accepted_scenarios(planner, animator, self._world.spec.seed, split, indices))
         config = self._world.config
         bank = make_bank(pairs, distances, config.episode.human_count_max + config.human_planner.standing_max)
         bank.save(path)
         return bank
-
-    def _accepted(
-        self, planner: HumanPlanner, animator: Animator, split: Split, indices: range
-    ) -> Iterator[tuple[Scenario, EpisodeMotions]]:
-        for index in indices:
-            key = EpisodeKey(seed=self._world.spec.seed, split=split, index=index)
-            scenario = handle_human_plan(planner, HumanPlanRequest(episode=key)).scenario
-            motions = handle_animate(animator, AnimateRequest(scenario=scenario)).motions if scenario else None
-            if scenario is not None and motions is not None:
-                yield scenario, motions
 
 
 def _digest(world: World, split: Split) -> str:

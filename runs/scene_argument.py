@@ -1,16 +1,19 @@
 """The SCENE argument of commands: a bundle's folder, the embedded scene, or a map."""
 
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
-from readygo.common.errors import SceneError
+from readygo.common.errors import RunError, SceneError
 from readygo.common.files import cache_folder
 from readygo.common.maps import FloorMap, OccupancyMap, SightMap, load_ros_map, sight_of_occupancy
 from readygo.common.scenes import Scene, load_scene
 from readygo.services.planner import PlanningMaps
 
+NO_SCENE = 'Name a scene: a bundle, or "embedded".'
+"""What a command without a scene is told."""
 LARGEST_SEED = 2**31 - 1
 """Largest seed of an embedded flat."""
 OWN_PLAN = "plan-"
@@ -38,6 +41,24 @@ def open_scene(scene: str) -> Scene:
     flat = int(number or 0)
     folder = cache_folder("scenes") / scene_name(flat, own_plan=own_plan)
     return ensure_embedded_scene(folder, flat, own_plan=own_plan)
+
+
+def open_scenes(scenes: Sequence[str]) -> list[Scene]:
+    """Open the different scenes of a command-line argument, see `open_scene`.
+
+    Raises:
+        RunError: If no scene is named, or one twice.
+        SceneError: If one is no scene bundle.
+    """
+    if not scenes:
+        raise RunError(NO_SCENE)
+    opened: dict[str, Scene] = {}
+    for name in scenes:
+        scene = open_scene(name)
+        if scene.content_hash in opened:
+            raise RunError(f"Scene {name} is named twice; name each scene once.")
+        opened[scene.content_hash] = scene
+    return list(opened.values())
 
 
 class FlatMaps:

@@ -8,7 +8,7 @@ from readygo.common.arrays import UInt8Array
 from readygo.common.bus import Bus
 from readygo.common.drawing.files import jpeg_bytes
 from readygo.common.episode import EpisodeSimulation
-from readygo.common.episode.simulation import time_to_contact_s
+from readygo.common.episode.simulation import nearness
 from readygo.common.maps import FloorMap
 from readygo.common.messages import DriverKind, topics
 from readygo.common.messages.live import LivePerception, LivePreview, LiveState
@@ -83,10 +83,9 @@ def drive_state(
     distance_m, collision_s, humans = math.inf, math.inf, []
     for (hx, hy), (moved_x, moved_y) in zip(here.tolist(), steps, strict=True):
         humans.append((hx, hy, floor.at(hx, hy), math.atan2(moved_y, moved_x)))
-        vx = moved_x / dt_s - simulation.v_mps * math.cos(simulation.yaw_rad)
-        vy = moved_y / dt_s - simulation.v_mps * math.sin(simulation.yaw_rad)
-        distance_m = min(distance_m, math.hypot(hx - x_m, hy - y_m))
-        collision_s = min(collision_s, time_to_contact_s(hx - x_m, hy - y_m, vx, vy, simulation.contact_m))
+        offset_m, walks_mps = (hx - x_m, hy - y_m), (moved_x / dt_s, moved_y / dt_s)
+        near_m, contact_s = nearness(offset_m, walks_mps, simulation.yaw_rad, simulation.v_mps, simulation.contact_m)
+        distance_m, collision_s = min(distance_m, near_m), min(collision_s, contact_s)
     camera = simulation.robot.camera
     return LiveState(
         episode=simulation.scenario.episode,

@@ -1,7 +1,7 @@
 """Compilation of all kernels of the stages, before they are needed."""
 
-import fcntl
 import importlib.metadata
+import math
 import platform
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from readygo.common.files import cache_folder
+from readygo.common.locks import held
 from readygo.common.messages import (
     AnimateRequest,
     EpisodeKey,
@@ -22,6 +23,7 @@ from readygo.common.messages import (
 )
 from readygo.common.rasterizer.warm import warm as warm_rasterizer
 from readygo.runs.config import RunConfig
+from readygo.runs.scenarios import accepted_scenarios
 from readygo.runs.scene_argument import open_scene
 from readygo.runs.spec import make_spec
 from readygo.runs.world import World
@@ -31,8 +33,7 @@ from readygo.services.planner import HumanPlanner, handle_human_plan, handle_rob
 
 def warm_once() -> None:
     """Compile all kernels once per version and machine; other processes wait meanwhile."""
-    with (_marker().parent / "lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    with held(_marker().parent / "lock", patience_s=math.inf):
         if not _marker().exists():
             warm_all()
 
@@ -55,12 +56,9 @@ def _marker() -> Path:
 
 
 def _take_an_episode(world: World, planner: HumanPlanner, animator: Animator) -> None:
-    for index in range(100):
-        scenario = handle_human_plan(planner, HumanPlanRequest(episode=_episode(index))).scenario
-        motions = handle_animate(animator, AnimateRequest(scenario=scenario)).motions if scenario else None
-        if scenario and motions:
-            handle_robot_plan(world.robot_planner, RobotPlanRequest(scenario=scenario, motions=motions))
-            return
+    for scenario, motions in accepted_scenarios(planner, animator, 0, Split.TRAIN, range(100)):
+        handle_robot_plan(world.robot_planner, RobotPlanRequest(scenario=scenario, motions=motions))
+        return
 
 
 def warm_walking() -> None:

@@ -28,33 +28,15 @@ def test_test_of_a_module_lies_at_the_mirrored_path():
     assert mirror.mirrored(Path("common/x/y.py")) == Path("tests/common/x/test_y.py")
 
 
-@pytest.fixture
-def tree(tmp_path, monkeypatch):
-    """A tree of one module with a test and one without."""
+def test_module_without_a_test_is_named(tmp_path, monkeypatch, capsys):
     for name in ("common/a.py", "common/b.py"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(SETTINGS)
     (tmp_path / "tests" / "common").mkdir(parents=True)
     (tmp_path / "tests" / "common" / "test_a.py").touch()
     monkeypatch.setattr(mirror, "ROOT", tmp_path)
-    monkeypatch.setattr(mirror, "GAPS", tmp_path / "tests" / "gaps.txt")
-    return tmp_path
-
-
-@pytest.mark.parametrize(
-    ("gaps", "code", "says"),
-    [
-        ("# why\n\ncommon/b.py: too small\n", 0, ""),
-        ("", 1, "common/b.py: has no test at tests/common/test_b.py"),
-        ("common/b.py:\n", 1, "common/b.py: needs a reason"),
-        ("common/b.py: x\ncommon/a.py: y\n", 1, "common/a.py: has a test, or is gone"),
-        ("common/b.py: x\ncommon/c.py: y\n", 1, "common/c.py: has a test, or is gone"),
-    ],
-)
-def test_list_of_gaps_must_be_what_is_missing(tree, capsys, gaps, code, says):
-    mirror.GAPS.write_text(gaps)
-    assert mirror.main() == code
-    printed = capsys.readouterr()
-    assert says in printed.err
-    assert bool(printed.err) == bool(code)
-    assert printed.out.endswith(f"{1 if 'b.py: ' in gaps else 0} modules have no test of their own\n")
+    assert mirror.main() == 1
+    assert capsys.readouterr().err == "common/b.py: has no test at tests/common/test_b.py\n"
+    (tmp_path / "tests" / "common" / "test_b.py").touch()
+    assert mirror.main() == 0
+    assert capsys.readouterr().err == ""

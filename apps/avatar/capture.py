@@ -45,7 +45,6 @@ from readygo.services.reconstructor import (
 
 TRUTH_FORMAT = "readygo avatar truth 1"
 TRUTH_ARRAYS, TRUTH_FILE = "truth.npz", "truth.json"
-MOTIONS = ("walk", "turn")
 MASK_ALPHA = 0.5
 """A pixel of which the person covers more is in the mask."""
 _FRAMES, _SIDE_PX = (8, 1000), (64, 2048)

@@ -5,8 +5,9 @@ import numpy as np
 from readygo.apps.avatar.studio import standing_pose, stride_pose, turntable
 from readygo.apps.avatar.walking import contact_sheet
 from readygo.apps.report.page import Block, Meter, PageTable, Paragraph, drawing, fact_table, page, photograph
-from readygo.common.arrays import Float32Array, UInt8Array
+from readygo.common.arrays import UInt8Array
 from readygo.common.avatars import avatar_hash
+from readygo.common.drawing.files import quantise
 from readygo.services.reconstructor import Extraction, HeldOutPerson
 
 SHOWN_MAX = 12
@@ -49,11 +50,7 @@ def notes_of(report: dict[str, object]) -> list[str]:
 def comparison(held: HeldOutPerson) -> UInt8Array:
     """The filmed person, the avatar, and four times their difference, side by side."""
     difference = _DIFFERENCE * np.abs(held.photo - held.rendered)
-    return _quantise(np.concatenate([held.photo, held.rendered, difference], axis=2))
-
-
-def _quantise(planes: Float32Array) -> UInt8Array:
-    return np.ascontiguousarray((np.clip(planes, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8).transpose(1, 2, 0))
+    return quantise(np.concatenate([held.photo, held.rendered, difference], axis=2))
 
 
 def _tiles(extraction: Extraction) -> list[tuple[str, str]]:

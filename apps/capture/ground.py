@@ -1,6 +1,5 @@
 """The ground that a person with a phone walks on: its cells, a closed path over it, and the marker's place."""
 
-import math
 from dataclasses import dataclass
 
 import cv2
@@ -39,8 +38,7 @@ class WalkableGround:
 
     def holds(self, xy_m: Float64Array) -> BoolArray:
         """True for points [m] on the ground, shape (N, 2) -> (N,)."""
-        corner = (self.frame.origin_x_m, self.frame.origin_y_m)
-        column, row = np.floor((xy_m - corner) / self.frame.resolution_m).astype(np.int64).T
+        row, column = self.frame.cells(xy_m)
         inside = (row >= 0) & (column >= 0) & (row < self.cells.shape[0]) & (column < self.cells.shape[1])
         held: BoolArray = inside & self.cells[np.where(inside, row, 0), np.where(inside, column, 0)]
         return held
@@ -48,9 +46,7 @@ class WalkableGround:
     @property
     def centres_m(self) -> Float64Array:
         """Centres of the cells [m], shape (N, 2)."""
-        corner = np.array([self.frame.origin_x_m, self.frame.origin_y_m])
-        centres: Float64Array = corner + (np.argwhere(self.cells)[:, ::-1] + 0.5) * self.frame.resolution_m
-        return centres
+        return np.stack(self.frame.centre_m(*np.nonzero(self.cells))).T
 
 
 def walking_ground(
@@ -98,8 +94,7 @@ def walking_ground(
 
 
 def _centres(frame: GridFrame, shape: tuple[int, int]) -> tuple[Float64Array, Float64Array]:
-    x_m: Float64Array = frame.origin_x_m + (np.arange(shape[1], dtype=np.float64) + 0.5) * frame.resolution_m
-    y_m: Float64Array = frame.origin_y_m + (np.arange(shape[0], dtype=np.float64) + 0.5) * frame.resolution_m
+    x_m, y_m = frame.centre_m(np.arange(shape[0]), np.arange(shape[1]))
     return x_m[None, :], y_m[:, None]
 
 
@@ -155,9 +150,9 @@ def _outline(cells: BoolArray, frame: GridFrame) -> Float64Array:
     outlines, _ = cv2.findContours(cells.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     if not outlines:
         return np.empty((0, 2))
-    longest = max(outlines, key=len).reshape(-1, 2).astype(np.float64)
-    points: Float64Array = np.array([frame.origin_x_m, frame.origin_y_m]) + (longest + 0.5) * frame.resolution_m
-    x, y = points.T
+    longest = max(outlines, key=len).reshape(-1, 2).astype(np.int64)
+    x, y = frame.centre_m(longest[:, 1], longest[:, 0])
+    points = np.column_stack([x, y])
     clockwise = float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) < 0.0
     return points[::-1] if clockwise else points
 
@@ -207,9 +202,3 @@ def _squared_to_way(spots: Float64Array, way: Float64Array) -> Float64Array:
 
     distance, _ = cKDTree(way).query(spots)
     return np.asarray(distance, dtype=np.float64) ** 2
-
-
-def wrapped_rad(angle: Float64Array) -> Float64Array:
-    """Angles wrapped to -pi..pi [rad]."""
-    turned: Float64Array = (angle + math.pi) % math.tau - math.pi
-    return turned

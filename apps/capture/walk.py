@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from readygo.apps.capture.ground import WalkableGround, closed_way, marker_place, wrapped_rad
+from readygo.apps.capture.ground import WalkableGround, closed_way, marker_place
 from readygo.apps.views.sightlines import sight_m
 from readygo.common.arrays import Float64Array
+from readygo.common.frames import wrap_angle
 from readygo.common.scenes import Scene
 
 HEIGHTS_M = (1.4, 1.6)
@@ -34,7 +35,6 @@ _BEARINGS_RAD = np.radians(np.arange(-180.0, 180.0, 10.0))
 class CameraWalk:
     """Poses of a hand-held camera over time."""
 
-    seconds: float
     way_m: float
     """Length of the walk [m]."""
     loop_m: float
@@ -95,7 +95,6 @@ def plan_walk(scene: Scene, ground: WalkableGround, seconds: float, rng: np.rand
     yaw_rad, pitch_rad = _towards_marker(scene, (xy_m, z_m), (yaw_rad, pitch_rad), time_s, gone_m / loop_m, marker_xy_m)
     knots = np.column_stack([xy_m, _smooth(z_m, 0.3), yaw_rad, pitch_rad, sway.slow(time_s, math.radians(1.5), 3.0)])
     return CameraWalk(
-        seconds=seconds,
         way_m=way_m,
         loop_m=loop_m,
         marker_xy_m=marker_xy_m,
@@ -121,17 +120,15 @@ class Sway:
 def _walked_distances(time_s: Float64Array, way_m: float, rng: np.random.Generator) -> Float64Array:
     """Distance walked at times [m]: slow at the start, where the marker is filmed, and never at a constant speed."""
     pace = 1.0 + Sway(rng).slow(time_s, 0.35, 6.0)
-    pace *= 1.0 - 0.7 * _window(time_s, 0.0, LOOK_S)
+    pace *= 1.0 - 0.7 * _until(time_s, LOOK_S)
     gone = np.concatenate([[0.0], np.cumsum(0.5 * (pace[1:] + pace[:-1]))])
     return np.asarray(way_m * gone / gone[-1], dtype=np.float64)
 
 
-def _window(time_s: Float64Array, begin_s: float, end_s: float, edge_s: float = 1.0) -> Float64Array:
-    """1 between two times, 0 far from them."""
-    rise = np.clip((time_s - begin_s) / edge_s + 1.0, 0.0, 1.0)
-    fall = np.clip((end_s - time_s) / edge_s, 0.0, 1.0)
-    both = np.minimum(rise, fall)
-    return np.asarray(both * both * (3.0 - 2.0 * both), dtype=np.float64)
+def _until(time_s: Float64Array, end_s: float) -> Float64Array:
+    """1 until a second before a time, 0 from it on."""
+    left = np.clip(end_s - time_s, 0.0, 1.0)
+    return np.asarray(left * left * (3.0 - 2.0 * left), dtype=np.float64)
 
 
 def _along(way: Float64Array, gone_m: Float64Array) -> tuple[Float64Array, Float64Array]:
@@ -155,7 +152,7 @@ def _gaze(
     seen_m = sight_m(scene.maps.sight.opaque_between(1.1, HEIGHTS_M[1]), scene.maps.human.frame, xy_m, _BEARINGS_RAD)
     # An image shows directions up to 30 deg beside its centre.
     open_m = np.minimum.reduce([np.roll(seen_m, shift, axis=1) for shift in (-2, -1, 0, 1, 2)]) * 0.5 + seen_m * 0.5
-    off = wrapped_rad(_BEARINGS_RAD[None, :] - wanted[:, None])
+    off = wrap_angle(_BEARINGS_RAD[None, :] - wanted[:, None])
     cost = (off / math.radians(50.0)) ** 2 + (np.maximum(0.0, _SIGHT_MIN_M - open_m) / 0.4) ** 2
     chosen = wanted + off[np.arange(len(off)), np.argmin(cost, axis=1)]
     pitch = _PITCH_RAD + sway.slow(time_s, math.radians(8.0), 7.0)
@@ -175,10 +172,10 @@ def _towards_marker(
     off_m = np.array(marker_xy_m) - xy_m
     away_m = np.hypot(*off_m.T)
     passing = np.exp(-(((away_m - 1.3) / 0.5) ** 2)) * (laps > 0.8) * (away_m > 0.7)
-    weight = np.maximum(_window(time_s, 0.0, LOOK_S), 0.9 * _smooth(passing, 0.5))
+    weight = np.maximum(_until(time_s, LOOK_S), 0.9 * _smooth(passing, 0.5))
     bearing = np.arctan2(off_m[:, 1], off_m[:, 0])
     fall = np.arctan2(scene.maps.floor.at(*marker_xy_m) - z_m, np.maximum(away_m, 0.3))
-    yaw = yaw + weight * wrapped_rad(bearing - yaw)
+    yaw = yaw + weight * wrap_angle(bearing - yaw)
     # A little above the marker, so that images show more than the marker.
     pitch = pitch + weight * (fall + math.radians(8.0) - pitch)
     return _smooth(np.unwrap(yaw), 0.3), _smooth(pitch, 0.3)

@@ -10,6 +10,7 @@ import numpy as np
 from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 from tyro.conf import Fixed, Positional
 
+from readygo.apps.cli import NOTHING_SAVED
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.terminal import PlainConsole
 from readygo.common.avatars import POSES_ENDING, check_texts, save_avatar
@@ -89,14 +90,13 @@ def avatar_extract(options: AvatarExtractOptions) -> None:
             "--checkpoint needs --representation hugs, and --body with the SMPL model whose skeleton it goes with."
         )
     work = options.out.with_suffix(".work")
-    extraction = _extract(options, config, work)
-    skeleton_of(extraction.avatar)
-    save_avatar(extraction.avatar, options.out, quantise=False)
-    if options.checkpoint is not None:
-        _write_checkpoint(options.checkpoint, extraction)
-    _write_poses(options.out.with_suffix(POSES_ENDING), extraction)
-    page, notes = _page(extraction)
-    write_whole(options.out.with_suffix(".html"), page, raises=AvatarError)
+    try:
+        extraction = _extract(options, config, work)
+        notes = _write(options, extraction)
+    except KeyboardInterrupt:
+        # The extraction removes its folder if nothing in it is finished.
+        state = f"the same command resumes from the state in {work}."
+        raise KeyboardInterrupt(state if work.exists() else NOTHING_SAVED) from None
     from readygo.services.reconstructor import forget_extraction
 
     forget_extraction(work)
@@ -106,6 +106,18 @@ def avatar_extract(options: AvatarExtractOptions) -> None:
         _print_report(options.out, extraction)
     for note in notes:
         PlainConsole(stderr=True, soft_wrap=True).print(f"Note: {note}", markup=False)
+
+
+def _write(options: AvatarExtractOptions, extraction: Extraction) -> list[str]:
+    """Write the avatar and what belongs to it; returns notes on the page."""
+    skeleton_of(extraction.avatar)
+    save_avatar(extraction.avatar, options.out, quantise=False)
+    if options.checkpoint is not None:
+        _write_checkpoint(options.checkpoint, extraction)
+    _write_poses(options.out.with_suffix(POSES_ENDING), extraction)
+    page, notes = _page(extraction)
+    write_whole(options.out.with_suffix(".html"), page, raises=AvatarError)
+    return notes
 
 
 def _extract(options: AvatarExtractOptions, config: AvatarFitConfig, work: Path) -> Extraction:
@@ -122,20 +134,17 @@ def _extract(options: AvatarExtractOptions, config: AvatarFitConfig, work: Path)
             task = progress.task_ids[0] if progress.task_ids else progress.add_task(words, total=at.steps)
             progress.update(task, completed=at.step, description=words)
 
-        try:
-            return extract_avatar(
-                options.footage,
-                work,
-                config,
-                tell,
-                networks=PersonNetworks(keypoints=options.models.keypoint_model, mask=options.models.mask_model),
-                name=options.name or options.out.stem,
-                license_text=options.license,
-                smpl=options.body,
-                scene=_clouds_of(options.scene),
-            )
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(f"the same command resumes from the state in {work}.") from None
+        return extract_avatar(
+            options.footage,
+            work,
+            config,
+            tell,
+            networks=PersonNetworks(keypoints=options.models.keypoint_model, mask=options.models.mask_model),
+            name=options.name or options.out.stem,
+            license_text=options.license,
+            smpl=options.body,
+            scene=_clouds_of(options.scene),
+        )
 
 
 def _clouds_of(scene: str | None) -> list[GaussianCloud]:

@@ -19,9 +19,10 @@ from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.terminal import PlainConsole
 from readygo.common.errors import ConfigError, PolicyError, RunError
 from readygo.common.files import write_whole
-from readygo.runs.benchmark.folder import BenchmarkManifest, read_manifest
+from readygo.runs.benchmark.folder import CELLS_FOLDER, BenchmarkManifest, read_manifest
 from readygo.runs.benchmark.suite import SUITES, OpenSuite, open_suite
 from readygo.runs.benchmark.weights import PARAMETERS, check_weights
+from readygo.runs.folder import RunFolder
 from readygo.runs.methods import CHECKPOINTS
 from readygo.services.evaluator import short_name
 
@@ -54,6 +55,7 @@ class BenchmarkRunOptions:
 
 def benchmark_run(options: BenchmarkRunOptions) -> None:
     """Drive drivers through all cells of a suite; after an interruption the same command resumes."""
+    RunFolder(options.out).check_other()
     suite = open_suite(options.suite)
     drive = SuiteDrive(
         suite=suite,
@@ -204,8 +206,10 @@ def _success_table(suite: OpenSuite, manifest: BenchmarkManifest) -> Table:
 
 @contextmanager
 def _kept(folder: Path) -> Iterator[None]:
-    """At Ctrl-C, say that the records are kept."""
+    """At Ctrl-C, say that the records are kept, if there are any."""
     try:
         yield
     except KeyboardInterrupt:
+        if not (folder / CELLS_FOLDER).exists():
+            raise
         raise KeyboardInterrupt(f"the episodes that ended are kept in {folder}; the same command resumes.") from None

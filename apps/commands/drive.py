@@ -208,6 +208,8 @@ def drive(options: DriveOptions) -> None:
         }
         people = _people_finder(perception, machine, calibration, named[RGB], console) if perception else None
         _drive(machine, pilot, rate_hz or least_hz, options.log, record, console, robot, people)
+    except KeyboardInterrupt as stop:
+        raise KeyboardInterrupt(str(stop) or "the robot is not driven.") from None
     finally:
         with _ignore_interrupts():
             machine.close()

@@ -14,6 +14,7 @@ from tyro.conf import Positional
 
 from readygo.apps.commands.coordinator import check_endpoints, lead_run, report_set_aside
 from readygo.apps.commands.progress import SteadyProgress
+from readygo.apps.fleet.access import how_to_join
 from readygo.apps.fleet.options import FleetOptions
 from readygo.apps.fleet.run import LAUNCHER, Show, begin, check_counts, record
 from readygo.apps.fleet.slurm import check_slurm
@@ -34,7 +35,7 @@ from readygo.runs.folder import RunFolder
 from readygo.runs.options import WorldOptions
 from readygo.runs.origin import avatars_of_policy, robot_of_policy
 from readygo.runs.policy import with_expert, with_policy
-from readygo.runs.scene_argument import open_scene
+from readygo.runs.scene_argument import NO_SCENE, open_scene
 from readygo.runs.sections import merge_tables
 from readygo.runs.spec import episode_count, make_spec
 from readygo.runs.teacher import with_teacher
@@ -169,7 +170,7 @@ def _new_run(options: GenerateOptions) -> tuple[RunSpec, int]:
     """The spec of a run from the options, and its number of episodes."""
     recording, world = options.recording, options.world
     if not options.scene:
-        raise RunError('Name a scene: a bundle, or "embedded".')
+        raise RunError(NO_SCENE)
     if recording.mix is not None and options.policy is None:
         raise RunError("--mix is the share of a policy's episodes: name the policy with --policy.")
     trained = load_spec(options.policy) if options.policy else None
@@ -205,7 +206,8 @@ def _record(spec: RunSpec, episodes: int, options: GenerateOptions) -> None:
     out, fleet, strict = options.out, options.fleet, options.place.strict
     RunFolder(out).check(spec)
     endpoint = fleet.listen or fleet.connect
-    join = _how_to_join(spec, out, endpoint, fleet.certs) if endpoint else ""
+    state, role = RunFolder(out).state, spec.stages[-1].role
+    join = how_to_join(state, role, endpoint, f" --run {spec.run}", certs=fleet.certs) if endpoint else ""
     page = show_page(out, (RunFolder(out).state / "endpoint").exists, fleet.certs) if options.watch else nullcontext()
     if options.place.on == "hosts":
         begin(spec, out, episodes)
@@ -243,12 +245,6 @@ def _record(spec: RunSpec, episodes: int, options: GenerateOptions) -> None:
     report_set_aside(out, strict=strict)
     console.print(f"Next: readygo validate {out} && readygo train {out} --out policy", markup=False)
     console.print(f"What it covers: readygo coverage {out} --out coverage", markup=False)
-
-
-def _how_to_join(spec: RunSpec, out: Path, endpoint: str, certs: Path | None) -> str:
-    proof = f"READYGO_TOKEN=$(tail -1 {RunFolder(out).state / 'endpoint'}) "
-    command = f"readygo worker {spec.stages[-1].role} --connect {endpoint} --run {spec.run}"
-    return f"More workers can join: {f'{command} --certs CERTS' if certs else proof + command}"
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from rich.progress import BarColumn, TaskProgressColumn, TextColumn
 from tyro.conf import Fixed, Positional
 
 from readygo.apps.commands.progress import SteadyProgress
-from readygo.apps.fleet.access import identity_for
+from readygo.apps.fleet.access import how_to_join, identity_for
 from readygo.apps.fleet.options import RouterOptions
 from readygo.apps.learn.config import GoalName, LearnConfig
 from readygo.apps.learn.crew import Reach
@@ -175,7 +175,8 @@ def _learn_policy(options: LearnOptions, given: Mapping[str, str], people: Path 
         perception=options.training.perception,
     )
     if options.fleet.listen:
-        sys.stderr.write(f"{_how_to_join(plan, options.fleet.listen, options.fleet.certs)}\n")
+        state = plan.places[0].folder.state
+        sys.stderr.write(f"{how_to_join(state, 'all', options.fleet.listen, certs=options.fleet.certs)}\n")
     reach = Reach(listen=options.fleet.listen, certs=options.fleet.certs, hosts=options.on == "hosts")
     page = show_page(options.out, partial(_has_begun, plan), options.fleet.certs) if options.watch else nullcontext()
     with page, live_line(6 * options.episodes * len(options.scenes), quiet=options.json) as (show, tested):
@@ -292,11 +293,6 @@ def _print_tables(console: PlainConsole, replies: Mapping[str, EvaluateReply]) -
     for name, reply in replies.items():
         console.print(name, markup=False)
         console.print(summary_table(reply.summaries))
-
-
-def _how_to_join(plan: LearnPlan, listen: str, certs: Path | None) -> str:
-    proof = "" if certs else f"READYGO_TOKEN=$(tail -1 {plan.places[0].folder.state / 'endpoint'}) "
-    return f"More workers can join: {proof}readygo worker all --connect {listen}{' --certs CERTS' if certs else ''}"
 
 
 def _has_begun(plan: LearnPlan) -> bool:

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from rich.table import Table
 from tyro.conf import Fixed, Positional
 
+from readygo.apps.cli import NOTHING_SAVED
 from readygo.apps.commands.progress import EVERY_S
 from readygo.apps.commands.scene_report import SceneReportOptions, scene_report
 from readygo.apps.fleet.reconstruction import ask_worker
@@ -150,15 +151,14 @@ def reconstruct_command(options: ReconstructOptions) -> None:
     lines = Lines(STAGES)
     try:
         report = (
-            ask_worker(job, config, options.listen, lines)
+            ask_worker(job, config, options.listen, lines.say)
             if options.listen
             else reconstruct_scene(job, config, lines.say)
         )
     except KeyboardInterrupt:
         # The job removes its folder if no stage in it is finished.
-        kept = f"finished stages stay in {job.work}" if job.work.exists() else "no stage is finished yet"
-        words = f"{kept}, run the same command again to resume."
-        raise KeyboardInterrupt(words) from None
+        kept = f"finished stages stay in {job.work}, run the same command again to resume."
+        raise KeyboardInterrupt(kept if job.work.exists() else NOTHING_SAVED) from None
     if options.json:
         sys.stdout.write(json_module.dumps(report) + "\n")
         return

@@ -21,7 +21,7 @@ from readygo.common.robot import load_robot
 from readygo.runs.config import RunConfig, load_run_config
 from readygo.runs.folder import RunFolder
 from readygo.runs.reinforcement import DrawShow, make_reinforcement_config, run_reinforcement, with_standing
-from readygo.runs.scene_argument import open_scene
+from readygo.runs.scene_argument import open_scenes
 from readygo.runs.sections import Keys, Sections
 from readygo.runs.spec import make_spec
 from readygo.runs.world import World
@@ -80,7 +80,7 @@ def rl(options: RlOptions) -> None:
     robot = load_robot(options.robot) if options.robot else None
     config = with_standing(load_run_config(options.config, robot, None, options.people), settings.standing_max)
     worlds = _worlds(options, config)
-    with _progress(PlainConsole(stderr=True), quiet=options.json) as (say, show):
+    with _drawn_kept(options.out), _progress(PlainConsole(stderr=True), quiet=options.json) as (say, show):
         metrics = run_reinforcement(
             worlds,
             settings,
@@ -101,15 +101,10 @@ def _worlds(options: RlOptions, config: RunConfig) -> list[World]:
         RunError: If no scene is named, or one twice.
         SceneError: If there is no such scene.
     """
-    if not options.scenes:
-        raise RunError('Name a scene: a bundle, or "embedded".')
-    worlds: list[World] = []
-    for scene in options.scenes:
-        spec = make_spec(open_scene(scene), options.avatars, config, seed=options.seed, split=Split.TRAIN, static=False)
-        if spec.scene_hash in [world.spec.scene_hash for world in worlds]:
-            raise RunError(f"Scene {scene} is named twice; name each scene once.")
-        worlds.append(World(spec))
-    return worlds
+    return [
+        World(make_spec(scene, options.avatars, config, seed=options.seed, split=Split.TRAIN, static=False))
+        for scene in open_scenes(options.scenes)
+    ]
 
 
 def _minutes(options: RlOptions) -> float | None:
@@ -125,6 +120,19 @@ def _minutes(options: RlOptions) -> float | None:
     if options.decisions is not None and options.decisions < 1:
         raise RunError(f"--decisions must be at least 1, got {options.decisions}.")
     return None if options.decisions is not None else options.minutes or DEFAULT_MINUTES
+
+
+@contextmanager
+def _drawn_kept(out: Path) -> Iterator[None]:
+    """At Ctrl-C before anything is in the folder, say where the episodes are that were drawn."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if out.exists() and any(out.iterdir()):
+            raise
+        raise KeyboardInterrupt(
+            "drawn episodes stay in the user's cache, run the same command again to resume."
+        ) from None
 
 
 @contextmanager

@@ -22,7 +22,7 @@ from readygo.common.gaussians.defects import FLOATERS, HUGE, Masks, count_kinds,
 from readygo.common.gaussians.files import read_gaussians, with_unit_rotations
 from readygo.common.maps import ScenePlan
 from readygo.common.robot import RobotConfig, load_robot
-from readygo.common.scenes import Scene, import_scene
+from readygo.common.scenes import Scene, import_scene, verify_scene
 from readygo.common.scenes.bundle import plan_of
 from readygo.common.scenes.edit import crop_box
 from readygo.common.scenes.findings import SHARES_WORTH_NAMING, findings
@@ -132,6 +132,7 @@ class SceneInspectOptions:
     connected free area, orange areas are disconnected from it. views.png shows the robot's views from positions all
     over the green area, map_views.png the sharpness of these views as colours: orange and brown are blurred.
     findings.png marks likely defects, with labels: rough ground, unobserved ground, positions without a usable view.
+    A bundle whose files do not match the hashes in its manifest is refused.
     """
 
     scene: Positional[str]
@@ -152,6 +153,7 @@ def scene_inspect(options: SceneInspectOptions) -> None:
     radius_m = float(bundle.metadata["maps"]["planning_radius_m"]) if options.radius is None else options.radius
     if not radius_m > 0:
         raise SceneError(f"--radius must be positive, got {radius_m}.")
+    verify_scene(bundle)
     maps = bundle.maps
     report = scene_report(bundle.cloud, bundle.sky, maps.robot, maps.human, maps.floor, radius_m)
     plan = plan_of(bundle)
@@ -168,6 +170,8 @@ def scene_inspect(options: SceneInspectOptions) -> None:
     for file, picture in pictures.items():
         write_png(folder / file, picture)
     _print(bundle, report, seen, [folder / file for file in pictures], json=options.json)
+    if not options.json:
+        PlainConsole().print("All files match the hashes of the manifest.")
 
 
 def _findings(scene: Scene, plan: ScenePlan, seen: SceneViews, report: dict[str, Any]) -> UInt8Array:

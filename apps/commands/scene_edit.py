@@ -114,7 +114,14 @@ def scene_scale(options: SceneScaleOptions) -> None:
     by = room_scale(original.cloud, options.room_height) if options.room_height is not None else options.factor
     if by is None or not 0 < by < float("inf"):
         raise SceneError(f"The factor must be positive, got {by}.")
-    words = f"scaled by {by:.4g}"
+    words, source = f"scaled by {by:.4g}", original.source
+    scaled = dataclasses.replace(
+        source,
+        scale=by * float(source.scale),
+        scale_origin=f"{source.scale_origin or 'unknown'}, then {words}",
+        translate_m=tuple(by * float(value) for value in source.translate_m),
+    )
+    original = dataclasses.replace(original, source=scaled)
     _write_moved(original, options.out, words, {"scale": _scaled(original.reconstruction or {}, by, words)}, scale=by)
 
 

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 from rich.table import Table
 from tyro.conf import Fixed, Positional
 
+from readygo.apps.cli import NOTHING_SAVED
 from readygo.apps.terminal import PlainConsole
 from readygo.common.errors import ConfigError
 from readygo.common.extras import install_command
@@ -73,7 +74,9 @@ def _train(posed: Path, out: Path, config: GaussiansConfig, notes: PlainConsole)
         try:
             return train_gaussians(posed, out, config, tell)
         except KeyboardInterrupt:
-            raise KeyboardInterrupt(f"the same command resumes from the state in {out}.") from None
+            # The training removes its folder if nothing in it is finished.
+            state = f"the same command resumes from the state in {out}."
+            raise KeyboardInterrupt(state if out.exists() else NOTHING_SAVED) from None
 
 
 def _rows(report: dict[str, Any]) -> list[tuple[str, str]]:

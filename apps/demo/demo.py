@@ -27,9 +27,10 @@ from readygo.apps.report.learn import write_report
 from readygo.apps.report.page import CommandLine
 from readygo.apps.terminal import PlainConsole
 from readygo.common.dataset import Dataset, Report, validate
-from readygo.common.errors import DatasetError, RunError
+from readygo.common.errors import DatasetError
 from readygo.common.scenes.top_view import top_view
 from readygo.runs.config import RunConfig
+from readygo.runs.folder import check_new
 from readygo.runs.scene_argument import open_scene
 from readygo.runs.warm import warm_all
 from readygo.runs.world import World
@@ -73,6 +74,13 @@ class DemoOptions:
 
 def demo(options: DemoOptions) -> None:
     """Train a policy in the embedded scene, evaluate it, and write a report and a video."""
+    try:
+        _show(options)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("the same command begins the demo again.") from None
+
+
+def _show(options: DemoOptions) -> None:
     console = PlainConsole(stderr=True, soft_wrap=True)
     timer = _Timer(console=console, begin_s=time.monotonic())
     _clear(options.out)
@@ -124,8 +132,8 @@ def _settings() -> RunConfig:
 def _clear(out: Path) -> None:
     """Remove an earlier demo; any other non-empty folder is an error."""
     marker = out / MARKER
-    if out.exists() and any(out.iterdir()) and not marker.exists():
-        raise RunError(f"{out} holds files of something else; choose an empty or new folder with --out.")
+    if not marker.exists():
+        check_new(out)
     out.mkdir(parents=True, exist_ok=True)
     marker.touch()
     shutil.rmtree(out / "run", ignore_errors=True)
@@ -138,7 +146,7 @@ def _write_pictures(out: Path, learned: Learned) -> None:
     if passed is not None:
         shutil.copyfile(passed, out / "episode.webm")
     else:
-        recorded = RecordedEpisodes(dataset, world)
+        recorded = RecordedEpisodes(dataset, world.scene.maps.robot)
         shown = recorded.best_encounter(list(dataset.episodes[-SEARCHED:]))
         write_film(out / "episode.webm", film_frames(recorded.film(shown), top_view(world.scene)))
     content = report_content(learned, (SCENE,))

@@ -19,9 +19,7 @@ from readygo.common.messages import Split
 from readygo.common.scenes import Scene, load_scene
 from readygo.common.scenes.top_view import top_view
 from readygo.runs.config import RunConfig, load_run_config
-from readygo.runs.folder import RunFolder
 from readygo.runs.spec import make_spec
-from readygo.runs.world import World
 from readygo.services.reconstructor import (
     GaussiansConfig,
     Job,
@@ -107,8 +105,7 @@ def training() -> GaussiansConfig:
 
 def _write_page(out: Path, made: Reconstructed) -> Path:
     dataset = Dataset(made.data)
-    spec, _ = RunFolder(made.data).load()
-    recorded = RecordedEpisodes(dataset, World(spec))
+    recorded = RecordedEpisodes(dataset, made.found.maps.robot)
     episode = out / "episode.webm"
     recorded.write_film(episode, recorded.best_encounter(list(dataset.episodes)), top_view(made.found))
     path = out / "reconstruction.html"

@@ -9,13 +9,12 @@ from readygo.apps.drive.messages import ImageMessage, OdometryMessage, PeopleMes
 from readygo.common.camera import CameraConfig
 from readygo.common.frames import wrap_angle
 from readygo.common.perception import PeopleTracker, Perceived, Perception
+from readygo.common.perception.episode import LOOK_S
 from readygo.common.perception.grid import polar_grid
 from readygo.common.perception.live import tracked_person
 
-LOOK_S = 0.1
-"""Time between two looks [s]."""
-_SLACK = 0.8
-"""Share of it after which an image is looked at."""
+SLACK = 0.8
+"""Share of `LOOK_S` after which an image is looked at."""
 CLEAR_M = 6.0
 """Farther humans may be missed where nothing hides them [m]."""
 _BODY_M = 0.3
@@ -61,7 +60,7 @@ class PeopleFinder:
         """
         stamp_ns, odometry = picture.stamp_ns or arrived_ns, self._odometry
         since_s = (stamp_ns - self._looked_ns) / 1e9
-        if odometry is None or since_s < _SLACK * LOOK_S:
+        if odometry is None or since_s < SLACK * LOOK_S:
             return None
         try:
             image = self._rectify(np.asarray(picture.decode(), np.uint8))

@@ -8,6 +8,7 @@ from typing import Protocol, cast
 
 import numpy as np
 
+from readygo.apps.drive.people import SLACK
 from readygo.common.arrays import Float32Array, Float64Array, UInt8Array
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.loop import Command
@@ -24,8 +25,6 @@ from readygo.common.state_simulation.goal_distances import GoalDistances
 from readygo.common.state_simulation.world import StateWorld
 from readygo.services.planner import Expert, RobotPlanner, TrackedHumans
 
-_SLACK = 0.8
-"""Share of it after which an image is looked at."""
 _ASTRAY = 0.3
 """The robot is taken to move by its last command, unless its motion differs from that by more [m/s, rad/s]."""
 _NOBODY: Float64Array = np.empty((0, 2))
@@ -119,7 +118,7 @@ class PerceivingPolicy(Policy):
         """Look at an image, ten times a second."""
         (memory,), (image,), (time_ns,) = memories, images, times_ns
         assert time_ns is not None
-        if self._looked_ns is not None and (time_ns - self._looked_ns) / 1e9 < _SLACK * LOOK_S:
+        if self._looked_ns is not None and (time_ns - self._looked_ns) / 1e9 < SLACK * LOOK_S:
             return
         self._looked_ns = time_ns
         memory.see(image, time_ns)

@@ -10,8 +10,6 @@ from dataclasses import dataclass
 
 _ATTACHMENT = struct.Struct("<qqB16s")
 """Sequence number, time [ns since 1970], length of the publisher's id, the id."""
-NO_HASH = "TypeHashNotSupported"
-"""Replaces a type's hash in ROS versions without type hashes (Humble)."""
 _QOS = "::,10:,:,:,,"
 """ROS's default quality of service: reliable, volatile, history of 10."""
 PUBLISHER, SUBSCRIBER = "MP", "MS"

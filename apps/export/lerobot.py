@@ -17,9 +17,10 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.apps.export.arrow import Column, table_of, write_tables
-from readygo.apps.export.common import TASK, write_json
+from readygo.apps.export.common import TASK
 from readygo.apps.export.source import SPLITS, ExportedEpisode, ExportPart, ExportSource
 from readygo.apps.export.statistics import Statistics, merge_statistics, of_images, of_rows
+from readygo.common.documents import write_json
 from readygo.common.errors import DatasetError
 from readygo.common.files import write_whole
 
@@ -65,7 +66,9 @@ def finish(source: ExportSource, out: Path, facts: Sequence[Any]) -> None:
     """Write the files in meta/, which describe the whole export."""
     import pyarrow as pa
 
-    write_json(out / "meta" / "stats.json", merge_statistics([part["statistics"] for part in facts]))
+    write_json(
+        out / "meta" / "stats.json", merge_statistics([part["statistics"] for part in facts]), raises=DatasetError
+    )
     # pandas reads the task as the row's index.
     types = {"task_index": ("int64", "int64"), "task": ("unicode", "object")}
     described = [
@@ -75,7 +78,7 @@ def finish(source: ExportSource, out: Path, facts: Sequence[Any]) -> None:
     names = {"index_columns": ["task"], "columns": described, "column_indexes": [], "pandas_version": "2.0.0"}
     tasks = pa.table({"task_index": pa.array([0], pa.int64()), "task": [TASK]})
     write_tables(out / "meta" / "tasks.parquet", [tasks.replace_schema_metadata({"pandas": json.dumps(names)})])
-    write_json(out / "meta" / "info.json", _info(source, facts[0]["features"]))
+    write_json(out / "meta" / "info.json", _info(source, facts[0]["features"]), raises=DatasetError)
     card = f"---\ntags:\n- LeRobot\n---\n\n{source.episode_count} episodes of a robot among people.\n"
     write_whole(out / "README.md", card, raises=DatasetError)
 

@@ -127,11 +127,6 @@ class ExportSource:
         return self.dataset.clock.rate_hz // self.stride
 
     @property
-    def dt_s(self) -> float:
-        """Time from row to row [s]."""
-        return self.stride * self.dataset.clock.dt_s
-
-    @property
     def row_count(self) -> int:
         """Number of rows of all episodes."""
         return int(self._first_rows[-1])

@@ -14,8 +14,9 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-from readygo.apps.export.common import suffix, write_json
+from readygo.apps.export.common import suffix
 from readygo.apps.export.source import ExportedEpisode, ExportPart, ExportSource
+from readygo.common.documents import write_json
 from readygo.common.errors import DatasetError
 from readygo.common.files import write_then_rename
 
@@ -36,7 +37,7 @@ def write(source: ExportSource, part: ExportPart, out: Path) -> Mapping[str, Any
 
 def finish(source: ExportSource, out: Path, facts: Sequence[Any]) -> None:
     """Write the list of the tar files."""
-    write_json(out / "index.json", {"rate_hz": source.rate_hz, "files": list(facts)})
+    write_json(out / "index.json", {"rate_hz": source.rate_hz, "files": list(facts)}, raises=DatasetError)
 
 
 def _members(episode: ExportedEpisode) -> Iterator[tuple[str, bytes]]:

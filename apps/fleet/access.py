@@ -23,6 +23,8 @@ log = logging.getLogger(__name__)
 TLS = "tls/"
 ROUTER_ABSENT_S = 30.0
 """Time that a worker waits for a router that is not up yet or still refuses its token [s]."""
+SPEC_TIMEOUT_S = 30.0
+"""Time that a worker or a trainer waits for the coordinator to start [s]."""
 _RETRY_S = 0.2
 
 
@@ -117,6 +119,21 @@ def refusals_on_stderr() -> Iterator[None]:
     finally:
         os.dup2(output, 1)
         os.close(output)
+
+
+def how_to_join(state: Path, role: str, endpoint: str, options: str = "", *, certs: Path | None) -> str:
+    """How further workers join a run, in a line.
+
+    Args:
+        state: Folder of the run's state, which has the token.
+        role: Role of the workers.
+        endpoint: Endpoint of the run's router.
+        options: Further options of their command.
+        certs: Folder of certificates; None for a run with a token.
+    """
+    command = f"readygo worker {role} --connect {endpoint}{options}"
+    proof = f"READYGO_TOKEN=$(tail -1 {state / 'endpoint'}) "
+    return f"More workers can join: {f'{command} --certs CERTS' if certs else proof + command}"
 
 
 def reached_here(listen: str) -> str:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from readygo.apps.fleet.access import join, open_router, reached_here, refusals_on_stderr
+from readygo.apps.fleet.access import how_to_join, join, open_router, reached_here, refusals_on_stderr
 from readygo.apps.fleet.fleet import Fleet
 from readygo.apps.fleet.token import given_token, new_token
 from readygo.common.bus import Bus
@@ -123,7 +123,9 @@ def _drive_by_fleet(fleet: EvaluationFleet, indices: Sequence[int]) -> None:
         for number in range(min(fleet.workers, len(indices))):
             processes.add(EVALUATE.role, f"{EVALUATE.role}{number}")
         if fleet.listen:
-            fleet.say(_how_to_join(folder, fleet))
+            fleet.say(
+                how_to_join(folder.state, EVALUATE.role, fleet.listen, f" --run {fleet.spec.run}", certs=fleet.certs)
+            )
         while not served.tick():
             processes.check()
             time.sleep(TICK_S)
@@ -198,9 +200,3 @@ def _give_up(coordinator: coordination.Coordinator, index: int, reason: str) -> 
     """End the evaluation with an error: a replacement of this episode would change the evaluation."""
     coordinator.failed = f"Episode {index} cannot be driven: {reason}."
     return ""
-
-
-def _how_to_join(folder: RunFolder, fleet: EvaluationFleet) -> str:
-    command = f"readygo worker {EVALUATE.role} --connect {fleet.listen} --run {fleet.spec.run}"
-    proof = f"READYGO_TOKEN=$(tail -1 {folder.state / 'endpoint'}) "
-    return f"More workers can join: {f'{command} --certs CERTS' if fleet.certs else proof + command}"

@@ -1,33 +1,25 @@
 """A reconstruction by a worker, on this machine or another one with the same paths."""
 
 import sys
-from typing import Any, Protocol
+from typing import Any
 
 from readygo.common.bus.zenoh_bus import Router, ZenohBus
 from readygo.common.messages import ReconstructionProgress, topics
 from readygo.common.messages.reconstruction import RECONSTRUCTOR
-from readygo.services.reconstructor import ASK_S, Desk, Job, ReconstructorConfig, StageProgress, attach
+from readygo.services.reconstructor import ASK_S, Desk, Job, ReconstructorConfig, Say, StageProgress, attach
 
 _LEAVE_S = 2.0 * ASK_S
 """Time for the worker to learn that there are no further jobs [s]."""
 
 
-class Listener(Protocol):
-    """Receiver of progress."""
-
-    def say(self, progress: StageProgress) -> None:
-        """Show the progress of a stage."""
-        ...
-
-
-def ask_worker(job: Job, config: ReconstructorConfig, listen: str, listener: Listener) -> dict[str, Any]:
+def ask_worker(job: Job, config: ReconstructorConfig, listen: str, say: Say) -> dict[str, Any]:
     """Wait until a worker has done a job; if a worker is lost, another one resumes the job.
 
     Args:
         job: Source and folders of the reconstruction.
         config: Settings of the reconstruction.
         listen: Endpoint of the router that workers join.
-        listener: Receiver of the progress.
+        say: Receiver of the progress.
 
     Returns:
         The report of the reconstruction, as from `reconstruct`.
@@ -43,7 +35,7 @@ def ask_worker(job: Job, config: ReconstructorConfig, listen: str, listener: Lis
         try:
             desk = Desk(job, config)
             attach(bus, desk)
-            bus.subscribe(topics.RECONSTRUCTION, lambda message: listener.say(_heard(message)))
+            bus.subscribe(topics.RECONSTRUCTION, lambda message: say(_heard(message)))
             sys.stderr.write(f"waiting for: readygo worker {RECONSTRUCTOR} --connect {listen} --run {run}\n")
             return _wait_for_report(desk)
         finally:

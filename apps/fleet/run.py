@@ -21,6 +21,7 @@ from readygo.common.bus.zenoh_bus import free_endpoint
 from readygo.common.dataset.aside import read_set_aside
 from readygo.common.errors import BusError, RunError
 from readygo.common.fleet import Worker, claim_any
+from readygo.common.fleet.leases import COORDINATOR_ABSENT_S
 from readygo.common.messages import ClaimStatus, RunSpec, StatusReply, StatusRequest, topics
 from readygo.runs.folder import RunFolder
 from readygo.runs.identity import numeric_class
@@ -35,7 +36,6 @@ LAUNCHER = "launcher"
 Show = Callable[[StatusReply], None]
 CHECK_S = 0.25
 """Longest time between checks of a fleet's processes [s]."""
-COORDINATOR_ABSENT_S = 60.0
 EPISODES_MAX = 10_000_000
 WORKERS_MAX = 256
 

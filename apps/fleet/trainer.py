@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from readygo.apps.fleet.access import SPEC_TIMEOUT_S
 from readygo.common.bus import Bus
 from readygo.common.bus.identity import TRAINER
 from readygo.common.dataset import committed_episodes
@@ -17,8 +18,6 @@ from readygo.runs.training import torch_needed
 from readygo.runs.world import World
 from readygo.services.trainer import TrainConfig
 
-SPEC_TIMEOUT_S = 30.0
-"""Time that a trainer waits for the coordinator to start [s]."""
 OFFER_TIMEOUT_S = 10.0
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from tyro.conf import Positional
 
 from readygo.apps.cli import USER_MISTAKE
-from readygo.apps.fleet.access import join_in_time
+from readygo.apps.fleet.access import SPEC_TIMEOUT_S, join_in_time
 from readygo.apps.fleet.process import LATE_S, keep_the_heap_small, stop_signal, watch_thread
 from readygo.apps.fleet.runs import ANY_RUN, Runs
 from readygo.apps.fleet.several import record_for, work_for
@@ -52,8 +52,6 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 _OF_ONE_RUN = (COORDINATOR, TRAINER, RECONSTRUCTOR)
-SPEC_TIMEOUT_S = 30.0
-"""Time that a worker waits for the coordinator to start [s]."""
 SETTLE_S = 0.5
 """Period in which the recorder repeats reports that the coordinator has not acknowledged [s]."""
 TICK_S = 0.2

@@ -15,7 +15,7 @@ from readygo.common.arrays import AnyArray, Float32Array
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.conduct import PERSONAL_SPACE_M
 from readygo.common.episode.loop import EpisodeRun, Observer
-from readygo.common.errors import ConfigError, SceneError
+from readygo.common.errors import ConfigError
 from readygo.common.messages import EpisodeKey, Outcome, Split
 from readygo.common.policy import PolicySpec, load_spec
 from readygo.common.robot import RobotConfig
@@ -24,9 +24,6 @@ from readygo.runs.evaluation import evaluation_world, make_evaluator
 from readygo.runs.origin import avatars_of_policy, settings_of_policy
 from readygo.services.evaluator import GoalField, Task, as_task
 from readygo.services.planner import Expert
-
-REJECTED_MAX = 1000
-"""Number of consecutive rejected scenarios after which a scene counts as unusable."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,15 +144,11 @@ class PointNav:
         """Begin the next valid episode of a seed.
 
         Raises:
-            SceneError: If `REJECTED_MAX` consecutive scenarios are rejected.
+            SceneError: If scenario after scenario is rejected.
         """
-        reason = ""
-        for index in itertools.islice(indices, REJECTED_MAX):
-            key = EpisodeKey(seed=seed, split=self._split, index=index)
-            episode, reason = self._source.among_humans(key)
-            if episode is not None:
-                return self._start(key, self._evaluator.simulation(as_task(episode, self._task)))
-        raise SceneError(f"The last {REJECTED_MAX} scenarios were rejected ({reason}); look at the maps.")
+        keys = (EpisodeKey(seed=seed, split=self._split, index=index) for index in indices)
+        episode, _ = self._source.next_accepted(keys)
+        return self._start(episode.scenario.episode, self._evaluator.simulation(as_task(episode, self._task)))
 
     def observe(self, episodes: Sequence[NavEpisode]) -> dict[str, AnyArray]:
         """Observations of the robots: `rgb` (B, H, W, 3), `goal` (B, 2) [m], `velocity` (B, 2) [m/s, rad/s]."""

@@ -1,5 +1,6 @@
 """Content of the report of a learning run, from its folder and its test episodes."""
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from itertools import zip_longest
 from pathlib import Path
@@ -59,9 +60,9 @@ def gather(
     place = plan.places[0]
     world = World(place.spec)
     dataset = Dataset(place.folder.path)
-    recorded = RecordedEpisodes(dataset, world)
+    recorded = RecordedEpisodes(dataset, world.scene.maps.robot)
     view = top_view(world.scene)
-    films, scores = plan.out / "films", tuple(_scores(replies))
+    films, scores = plan.out / "films", driver_scores(replies)
     driven = [entry for entry in dataset.episodes if entry.driver is DriverKind.POLICY][-LATEST:]
     seen = recorded.best_encounter(list(dataset.episodes[-SEARCHED:]))
     origin = dataset.provenance
@@ -84,7 +85,7 @@ def gather(
         ends_note=f"Last places of the latest {len(driven)} recorded episodes that policies drove in {place.name}.",
         films=tuple(_failures(films, recorded, driven, view)),
         pages=tuple(_pages(plan.out, replies)),
-        scores=scores,
+        scores=tuple(dataclasses.replace(score, driver=score.driver.replace("-", " ")) for score in scores),
         run=run,
         commands=commands,
         provenance={
@@ -208,11 +209,12 @@ def _strip(recorded: RecordedEpisodes, entry: EpisodeEntry) -> tuple[StripImage,
     )
 
 
-def _scores(replies: Mapping[str, EvaluateReply]) -> list[DriverScore]:
+def driver_scores(replies: Mapping[str, EvaluateReply]) -> list[DriverScore]:
+    """The success of all drivers in the test of each scene."""
     return [
         DriverScore(
             task=TASK_NAMES[task.value] if len(replies) == 1 else f"{TASK_NAMES[task.value]}, {name}",
-            driver=method.replace("-", " "),
+            driver=method,
             summary=summary,
         )
         for name, reply in replies.items()

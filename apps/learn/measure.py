@@ -3,10 +3,11 @@
 import dataclasses
 import shutil
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
+from typing import Any
 
 from readygo.apps.evaluation.replay import Replays
 from readygo.apps.evaluation.watch import write_films, write_pages
@@ -121,25 +122,20 @@ class Measuring:
         policy, sha256 = load_policy(folder), policy_sha256(folder)
         request = EvaluateRequest(episodes=episodes, seed=self._plan.seed)
         replies = {}
-        for row, place in enumerate(self._plan.places):
-            driven = dataclasses.replace(self._evaluators[row], policy=policy)
-            settings = evaluation_settings(self._worlds[row], request, policy=sha256, camera="policy")
-            folder_of_place = out / place.name
-            if not is_of(folder_of_place, settings):
-                shutil.rmtree(folder_of_place, ignore_errors=True)
-            with open_results(folder_of_place, settings) as results:
-                replies[place.name] = handle_evaluate(driven, request, report=report, results=results)
-                results.finish(summarize(replies[place.name], request, driven))
-                replays = Replays(
-                    self._worlds[row],
-                    results,
-                    replies[place.name].episodes,
-                    self._renderers[row],
-                    driven.simulation,
-                    sees=policy.spec.images,
-                )
-                write_films(replays, request, replies[place.name], videos)
-                write_pages(replays, request, replies[place.name], title=f"{folder} in {place.name}")
+        for place, world, renderer, evaluator in zip(
+            self._plan.places, self._worlds, self._renderers, self._evaluators, strict=True
+        ):
+            replies[place.name] = drive_test(
+                dataclasses.replace(evaluator, policy=policy),
+                world,
+                renderer,
+                request,
+                out / place.name,
+                settings=evaluation_settings(world, request, policy=sha256, camera="policy"),
+                title=f"{folder} in {place.name}",
+                report=report,
+                videos=videos,
+            )
         return replies
 
     @cached_property
@@ -158,6 +154,43 @@ class Measuring:
     @cached_property
     def _renderers(self) -> list[Renderer]:
         return [world.renderer() for world in self._worlds]
+
+
+def drive_test(
+    evaluator: Evaluator,
+    world: World,
+    renderer: Renderer,
+    request: EvaluateRequest,
+    out: Path,
+    *,
+    settings: Mapping[str, Any],
+    title: str,
+    report: Callable[[EpisodeRecord], None],
+    videos: Sequence[str] = (),
+) -> EvaluateReply:
+    """Drive the test episodes of a scene that `out` does not have, and write the pages of `readygo evaluate` there.
+
+    Args:
+        evaluator: Drivers of the test.
+        world: World of the test.
+        renderer: Draws the videos.
+        request: Which episodes.
+        out: Folder for the results; what it has of other settings is removed.
+        settings: All that the results depend on, from `evaluation_settings`.
+        title: Driver and scene, for the heading.
+        report: Called with the record of every episode.
+        videos: Episodes of which videos are written, as for `readygo evaluate --video`.
+    """
+    if not is_of(out, settings):
+        shutil.rmtree(out, ignore_errors=True)
+    with open_results(out, settings) as results:
+        reply = handle_evaluate(evaluator, request, report=report, results=results)
+        results.finish(summarize(reply, request, evaluator))
+        sees = evaluator.policy.spec.images if evaluator.policy else ()
+        replays = Replays(world, results, reply.episodes, renderer, evaluator.simulation, sees=sees)
+        write_films(replays, request, reply, videos)
+        write_pages(replays, request, reply, title=title)
+    return reply
 
 
 def tried_settings(plan: LearnPlan) -> RunConfig:

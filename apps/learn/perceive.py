@@ -13,10 +13,8 @@ Every step resumes, so the same command resumes the run; with more minutes it tr
 
 import dataclasses
 import itertools
-import json
 import math
 import os
-import shutil
 import subprocess
 import sys
 import time
@@ -25,34 +23,32 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import fmean
-from typing import IO, Any
+from typing import Any
 
-from readygo.apps.evaluation.replay import Replays
-from readygo.apps.evaluation.watch import write_pages
 from readygo.apps.fleet.run import count_recorded, record
-from readygo.apps.learn.gather import TASK_NAMES, TEST_FOLDER
+from readygo.apps.learn.gather import TEST_FOLDER, driver_scores
 from readygo.apps.learn.learn import success_by_scene
-from readygo.apps.learn.plan import LOCK_FILE, free_name, lock_folder
+from readygo.apps.learn.measure import drive_test
+from readygo.apps.learn.plan import LOCK_FILE, free_name, lock_folder, state_of
 from readygo.apps.report.evaluation import REPORT_FILE
 from readygo.apps.report.page import CommandLine, PageLink
 from readygo.apps.report.perception import PerceptionContent
-from readygo.apps.report.tables import DriverScore
 from readygo.common.avatars.variants import write_variants
 from readygo.common.config import section_to_mapping
 from readygo.common.cores import available_cores
-from readygo.common.documents import read_json, write_toml
-from readygo.common.errors import ConfigError, ReadygoError, RunError, cause
-from readygo.common.files import write_whole
+from readygo.common.documents import write_json, write_toml
+from readygo.common.errors import ConfigError, ReadygoError, RunError
 from readygo.common.messages import RunSpec, Split, StatusReply
 from readygo.common.robot import RobotConfig, load_robot
 from readygo.common.state_policy.state_policy import is_state_policy
 from readygo.runs.config import RunConfig, load_run_config, with_mix
-from readygo.runs.evaluation import evaluation_settings, evaluation_world, make_evaluator, summarize
+from readygo.runs.evaluation import evaluation_settings, evaluation_world, make_evaluator
+from readygo.runs.folder import check_new
 from readygo.runs.method_files import method_hashes
 from readygo.runs.methods import PERCEIVE_AND_ACT, PERCEIVE_AND_PLAN, PERCEPTION, RL, named_methods
 from readygo.runs.perception import train_perception
 from readygo.runs.policy import with_expert
-from readygo.runs.scene_argument import open_scene
+from readygo.runs.scene_argument import open_scene, open_scenes
 from readygo.runs.sections import NO_KEYS, Keys
 from readygo.runs.spec import make_spec
 from readygo.services.driver import DriverConfig
@@ -64,8 +60,6 @@ from readygo.services.evaluator import (
     EvaluateRequest,
     Task,
     handle_evaluate,
-    is_of,
-    open_results,
 )
 from readygo.services.planner import MixName
 from readygo.services.renderer import RendererConfig
@@ -190,26 +184,22 @@ def check_plan(plan: PerceivePlan) -> None:
     """Check a plan before anything is written.
 
     Raises:
-        RunError: If the budget is none, a scene is named twice, or the folder holds something else.
+        RunError: If the budget is none, no scene is named, or one twice, or the folder holds something else.
         SceneError: If there is no such scene.
         ConfigError: If perception cannot be trained for the robot.
     """
-    if not plan.scenes:
-        raise RunError('Name a scene: a bundle, or "embedded".')
     if not plan.minutes > 0:
         raise RunError(f"--minutes must be above 0, got {plan.minutes:g}.")
     if reason := not_one_camera(plan.config.robot):
         raise ConfigError(f"--form perceive is for one robot with one camera, not for {reason}: use --form policy.")
-    hashes = [open_scene(scene).content_hash for scene in plan.scenes]
-    if len(set(hashes)) < len(hashes):
-        raise RunError("A scene is named twice; name each scene once.")
+    hashes = [scene.content_hash for scene in open_scenes(plan.scenes)]
     state = plan.out / STATE_FILE
     if state.exists():
         theirs = read_state(plan).get("scenes")
         if theirs != hashes:
             raise RunError(f"{plan.out} learns in other scenes; choose another --out.")
-    elif plan.out.exists() and any(entry.name != LOCK_FILE for entry in plan.out.iterdir()):
-        raise RunError(f"{plan.out} holds files of something else; choose an empty or new folder with --out.")
+    else:
+        check_new(plan.out, LOCK_FILE)
 
 
 def not_one_camera(robot: RobotConfig) -> str:
@@ -223,16 +213,7 @@ def read_state(plan: PerceivePlan) -> dict[str, Any]:
     Raises:
         RunError: If the file is broken.
     """
-    path = plan.out / STATE_FILE
-    if not path.exists():
-        return {}
-    try:
-        state = read_json(path)
-        if state["format"] != FORMAT:
-            raise ValueError(f"format {state['format']!r}")
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise RunError(f"{path} cannot be read: {cause(error)}; choose another --out.") from error
-    return dict(state)
+    return state_of(plan.out / STATE_FILE, FORMAT)
 
 
 def learn_to_perceive(
@@ -258,7 +239,7 @@ def learn_to_perceive(
 
 
 def _learn(
-    plan: PerceivePlan, episodes: int, show: Show, tested: Callable[[EpisodeRecord], None], lock: IO[str]
+    plan: PerceivePlan, episodes: int, show: Show, tested: Callable[[EpisodeRecord], None], lock: int
 ) -> Perceived:
     state = {
         "format": FORMAT,
@@ -319,7 +300,7 @@ def workers_of(plan: PerceivePlan) -> int:
 
 
 @contextmanager
-def _reinforcement(plan: PerceivePlan, lock: IO[str]) -> Iterator[Callable[[], None]]:
+def _reinforcement(plan: PerceivePlan, lock: int) -> Iterator[Callable[[], None]]:
     """Train a policy on states in another process; yields the function that waits for its end.
 
     What it says is in RUN/rl.log. If it fails, the run goes without it. It inherits the lock: where this process is
@@ -339,9 +320,7 @@ def _reinforcement(plan: PerceivePlan, lock: IO[str]) -> Iterator[Callable[[], N
     ]
     one = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")}
     with (plan.out / "rl.log").open("ab") as log:
-        process = subprocess.Popen(
-            command, stdout=log, stderr=log, env={**os.environ, **one}, pass_fds=(lock.fileno(),)
-        )
+        process = subprocess.Popen(command, stdout=log, stderr=log, env={**os.environ, **one}, pass_fds=(lock,))
         try:
             yield lambda: _wait(process)
         finally:
@@ -449,16 +428,16 @@ def _test(
     renderer, request = world.renderer(), EvaluateRequest(episodes=episodes, seed=plan.seed, methods=methods)
     evaluator = make_evaluator(world, renderer=renderer, methods=named_methods(world, methods, plan.out))
     hashes = method_hashes(methods, plan.out)
-    settings = evaluation_settings(world, request, policy="", camera="policy", methods=hashes)
-    out = plan.out / TEST_FOLDER / name
-    if not is_of(out, settings):
-        shutil.rmtree(out, ignore_errors=True)
-    with open_results(out, settings) as results:
-        reply = handle_evaluate(evaluator, request, report=tested, results=results)
-        results.finish(summarize(reply, request, evaluator))
-        replays = Replays(world, results, reply.episodes, renderer, evaluator.simulation)
-        write_pages(replays, request, reply, title=f"{method} in {name}")
-    return reply
+    return drive_test(
+        evaluator,
+        world,
+        renderer,
+        request,
+        plan.out / TEST_FOLDER / name,
+        settings=evaluation_settings(world, request, policy="", camera="policy", methods=hashes),
+        title=f"{method} in {name}",
+        report=tested,
+    )
 
 
 def perception_content(learned: Perceived, scenes: Sequence[str]) -> PerceptionContent:
@@ -469,13 +448,6 @@ def perception_content(learned: Perceived, scenes: Sequence[str]) -> PerceptionC
         scenes: Scenes as the user named them.
     """
     plan, places = learned.plan, list(learned.replies)
-    scores = [
-        DriverScore(
-            task=TASK_NAMES[task.value] + (f", {name}" if len(places) > 1 else ""), driver=method, summary=summary
-        )
-        for name, reply in learned.replies.items()
-        for (task, method), summary in reply.summaries.items()
-    ]
     test = f"readygo evaluate {scenes[0]} --methods {learned.method} expert --checkpoints {plan.out}"
     test += f" --config {plan.out / SETTINGS_FILE}" + (f" --avatars {plan.avatars}" if plan.avatars else "")
     teacher = f" --teacher {plan.out / RL}" if is_state_policy(plan.out / RL) else ""
@@ -483,7 +455,7 @@ def perception_content(learned: Perceived, scenes: Sequence[str]) -> PerceptionC
         title=f"{learned.method} in {', '.join(places) or ', '.join(scenes)}",
         method=learned.method,
         val=learned.val,
-        scores=scores,
+        scores=driver_scores(learned.replies),
         metrics=learned.metrics,
         minutes=learned.minutes,
         pages=[PageLink(href=f"{TEST_FOLDER}/{name}/{REPORT_FILE}", what=name) for name in places],
@@ -509,4 +481,4 @@ def tested_settings(config: RunConfig) -> RunConfig:
 
 
 def _write_state(plan: PerceivePlan, state: Mapping[str, Any]) -> None:
-    write_whole(plan.out / STATE_FILE, json.dumps(state, indent=2) + "\n", raises=RunError)
+    write_json(plan.out / STATE_FILE, state, raises=RunError)

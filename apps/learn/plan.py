@@ -1,29 +1,27 @@
 """Plan of a learning run: the recording runs of its scenes, and its folder."""
 
 import dataclasses
-import fcntl
-import json
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from readygo.apps.learn.config import GoalName, LearnConfig, load_learn_config
 from readygo.common.camera import CameraConfig
-from readygo.common.documents import read_json
+from readygo.common.documents import read_json, write_json
 from readygo.common.errors import ConfigError, RunError, SceneError, cause
-from readygo.common.files import write_whole
 from readygo.common.images.names import RGB, kind_of
+from readygo.common.locks import held
 from readygo.common.messages import EpisodeKey, HumanPlanRequest, RunSpec, Split
 from readygo.common.perception.artifact import WEIGHTS_FILE, load_perception_spec
 from readygo.common.policy.sight import check_cameras
 from readygo.common.robot import RobotConfig, load_robot
 from readygo.runs.config import RunConfig, load_run_config
-from readygo.runs.folder import RunFolder
+from readygo.runs.folder import RunFolder, check_new
 from readygo.runs.policy import file_ref, with_offers
-from readygo.runs.scene_argument import open_scene
+from readygo.runs.scene_argument import open_scenes
 from readygo.runs.sections import NO_KEYS, Keys, with_keys
 from readygo.runs.spec import make_spec
 from readygo.runs.teacher import with_teacher
@@ -262,17 +260,13 @@ def make_plan(
         PolicyError: If the teacher cannot be used, or was trained for another robot.
         RunError: If `out` holds something else, or was begun with other scenes or settings.
     """
-    if not scenes:
-        raise RunError('Name a scene: a bundle, or "embedded".')
     if not 0 < budget.minutes < math.inf:
         raise RunError(f"--minutes must be above 0, got {budget.minutes:g}.")
     if budget.samples is not None and budget.samples < 1:
         raise RunError(f"--samples must be at least 1, got {budget.samples}.")
     places: list[LearnPlace] = []
-    for scene in scenes:
-        spec = make_spec(open_scene(scene), people or avatars, config, seed=seed, split=Split.TRAIN, static=False)
-        if spec.scene_hash in [place.spec.scene_hash for place in places]:
-            raise RunError(f"Scene {scene} is named twice; name each scene once.")
+    for scene, opened in zip(scenes, open_scenes(scenes), strict=True):
+        spec = make_spec(opened, people or avatars, config, seed=seed, split=Split.TRAIN, static=False)
         name = free_name(spec.metadata["scene"]["name"] or "scene", [place.name for place in places])
         folder = RunFolder(out / "data" / name)
         spec = with_offers(spec, config, learn.mix)
@@ -297,22 +291,15 @@ def make_plan(
 
 
 @contextmanager
-def lock_folder(out: Path) -> Iterator[IO[str]]:
-    """Lock a run's folder, which is made if missing; the lock ends with the process, and those that inherit its file.
+def lock_folder(out: Path) -> Iterator[int]:
+    """Lock a run's folder, which is made if missing; the lock ends with the processes that have its descriptor.
 
     Raises:
         RunError: If another process holds the lock, or the folder cannot be written.
     """
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        lock = (out / LOCK_FILE).open("w")
-    except OSError as error:
-        raise RunError(f"{out} cannot be written: {error.strerror}.") from error
-    with lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise RunError(f"Another process is learning in {out}; wait for it or stop it.") from error
+    with held(out / LOCK_FILE) as lock:
+        if lock is None:
+            raise RunError(f"Another process is learning in {out}; wait for it or stop it.")
         yield lock
 
 
@@ -322,21 +309,34 @@ def read_state(plan: LearnPlan) -> dict[str, Any]:
     Raises:
         RunError: If the file is broken.
     """
-    if not plan.state_file.exists():
+    return state_of(plan.state_file, FORMAT)
+
+
+def state_of(path: Path, tag: str) -> dict[str, Any]:
+    """What a file has of a run that resumes; empty without a file.
+
+    Args:
+        path: The file.
+        tag: Its format.
+
+    Raises:
+        RunError: If the file is broken, or of another format.
+    """
+    if not path.exists():
         return {}
     try:
-        state = read_json(plan.state_file)
-        if state["format"] != FORMAT:
+        state = read_json(path)
+        if state["format"] != tag:
             raise ValueError(f"format {state['format']!r}")
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise RunError(f"{plan.state_file} cannot be read: {cause(error)}; choose another --out.") from error
+        raise RunError(f"{path} cannot be read: {cause(error)}; choose another --out.") from error
     return dict(state)
 
 
 def write_state(plan: LearnPlan, **state: Any) -> None:
     """Write the run's settings and its progress."""
     mapping = {"format": FORMAT, "runs": _runs(plan), **_encoder(plan), **state}
-    write_whole(plan.state_file, json.dumps(mapping, indent=2) + "\n", raises=RunError)
+    write_json(plan.state_file, mapping, raises=RunError)
 
 
 def _runs(plan: LearnPlan) -> dict[str, str]:
@@ -362,8 +362,7 @@ def _check_folder(plan: LearnPlan) -> None:
 
 def check_new_folder(out: Path) -> None:
     """Raise RunError if a folder for a new run of a policy holds something else."""
-    if out.exists() and any(entry.name not in (LOCK_FILE, FIRST_FOLDER) for entry in out.iterdir()):
-        raise RunError(f"{out} holds files of something else; choose an empty or new folder with --out.")
+    check_new(out, LOCK_FILE, FIRST_FOLDER)
 
 
 def _check_room(place: LearnPlace) -> None:

@@ -11,13 +11,11 @@ from readygo.common.documents import read_json, write_toml
 from readygo.common.drawing.charts import Curve
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
-from readygo.services.trainer import RECIPES, best_recipe, loss_curves, with_overrides
+from readygo.services.trainer import DECAY_FILE, PROGRESS_FILE, RECIPES, best_recipe, loss_curves, with_overrides
 
 _HISTORY = ("samples", "train_loss", "validation_loss")
 _NO_PROGRESS = (ValueError, TypeError, LookupError, AttributeError, OverflowError)
 """Exceptions that an invalid progress file causes."""
-PROGRESS_FILE, DECAY_FILE = "progress.json", "decay"
-"""Files of the trainer's progress, and of the request for its learning-rate decay (`readygo.services.trainer.live`)."""
 OFFERS = 60
 """Number of policies that are offered over the budget, if they are `OFFER_MIN_S` apart."""
 OFFER_MIN_S = 15.0

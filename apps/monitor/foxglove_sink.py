@@ -37,13 +37,11 @@ from readygo.common.frames import goal_in_robot_frame
 from readygo.common.images.names import RGB, camera_of
 from readygo.common.messages.live import LivePerception, LivePerson, LiveState
 from readygo.common.messages.samples import EpisodeHeader, FurtherCamera, Sample
-from readygo.common.perception.live import AHEAD_S, covariance_ellipse, free_points
+from readygo.common.perception.live import AHEAD_S, LIFT_M, covariance_ellipse, free_points
 from readygo.common.robot import RobotConfig
 from readygo.services.renderer import calibrations
 
 NO_SENSOR = SensorConfig()
-LIFT_M = 0.05
-"""Height of what is perceived above the floor [m]."""
 LIFETIME_NS = 600_000_000
 """Time after which viewers drop what is no longer perceived [ns]."""
 MAP_EVERY = 5

@@ -17,14 +17,12 @@ from readygo.common.extras import install_command
 from readygo.common.frames import quat_from_matrix
 from readygo.common.images.names import RGB, camera_of, kind_of
 from readygo.common.messages.live import LivePerception
-from readygo.common.perception.live import AHEAD_S, covariance_ellipse, free_points
+from readygo.common.perception.live import AHEAD_S, LIFT_M, covariance_ellipse, free_points
 from readygo.common.robot import RobotConfig
 
 SPAWN = "spawn"
 """Value of `where` that starts a viewer on this machine."""
 POINT_M = 0.015
-LIFT_M = 0.05
-"""Height of what is perceived above the floor [m]."""
 
 
 class RerunSink:

@@ -42,14 +42,13 @@ class DollsHouse:
     """Extent of the scene from its centre [m]."""
 
 
-def dolls_house(scene: Scene, splats_max: int = SPLATS_MAX) -> DollsHouse:
+def dolls_house(scene: Scene) -> DollsHouse:
     """A scene for a browser.
 
     Args:
         scene: Scene bundle, whose Gaussians are read.
-        splats_max: Largest number of Gaussians.
     """
-    cloud = most_covering(scene.cloud, splats_max)
+    cloud = most_covering(scene.cloud, SPLATS_MAX)
     above = _above_floor(scene, cloud.means_m) > CEILING_M
     frame, occupied = scene.maps.robot.frame, scene.maps.robot.occupied
     rows, columns = np.nonzero(~occupied)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from readygo.apps.learn.curve import load_curve
+from readygo.apps.learn.plan import STATE
 from readygo.apps.learn.training import read_losses
 from readygo.apps.monitor.link import Link, RunAddress, address_of
 from readygo.apps.monitor.recorded import Recorded
@@ -28,7 +29,7 @@ from readygo.runs.folder import RunFolder
 from readygo.runs.scene_argument import open_scene
 from readygo.runs.world import World
 
-LEARN_FILE, CURVE_FILE, POLICY_FOLDER, DATA_FOLDER = "learn.json", "curve.json", "policy", "data"
+CURVE_FILE, POLICY_FOLDER, DATA_FOLDER = "curve.json", "policy", "data"
 
 
 class Subject:
@@ -172,7 +173,7 @@ def subjects_of(data: Path, scene: str = "", certs: Path | None = None) -> list[
         raise RunError(
             f"{data} does not exist; name a data folder, a folder of `readygo learn`, or --connect ENDPOINT."
         )
-    if (data / LEARN_FILE).exists():
+    if (data / STATE).exists():
         places = sorted(folder for folder in (data / DATA_FOLDER).iterdir() if folder.is_dir())
         return [
             _of_folder(folder, folder.name, partial(Subject, learned=data, scene=scene), certs) for folder in places

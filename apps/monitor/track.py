@@ -9,13 +9,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from readygo.common.arrays import Float32Array, Float64Array
+from readygo.common.dataset.schemas import NS_PER_S
 from readygo.common.fleet.shown import is_shown, state_of
 from readygo.common.frames import wrap_angle
 from readygo.common.images.names import RGB
 from readygo.common.messages import CommittedEpisode, EpisodeKey, Outcome, Sample
 from readygo.common.messages.live import LivePlan, LivePreview, LiveState
 
-NS_PER_S = 1_000_000_000
 Pictures = Mapping[str, bytes]
 """Encoded images of one time by name (`readygo.common.images.names`)."""
 Pose = tuple[float, float, float, float]

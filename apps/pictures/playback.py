@@ -1,6 +1,6 @@
 """A recorded episode as a video, from its recording only: poses, commands, images, humans."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +27,6 @@ def recorded_film(
     number: int,
     camera: str = "",
     *,
-    humans_xy_m: Sequence[Float64Array] | None = None,
     width_px: int = CAMERAS_WIDTH_PX,
 ) -> EpisodeFilm:
     """The video of an episode.
@@ -36,7 +35,6 @@ def recorded_film(
         dataset: Recorded episodes.
         number: Index in `dataset.episodes`.
         camera: Name of the only camera to show; empty for all.
-        humans_xy_m: Positions of each human at each sample [m], shape (T, 2); if None, they are read from the shard.
         width_px: Approximate width of the images of several cameras together [px].
 
     Raises:
@@ -56,7 +54,7 @@ def recorded_film(
         xyyaw=poses,
         actions=dataset.actions[rows].astype(np.float64),
         goal_xy_m=_goal(poses[0], dataset.goals_xy_m[rows.start]),
-        humans_xy_m=tuple(_ways(dataset.humans_of(number)) if humans_xy_m is None else humans_xy_m),
+        humans_xy_m=_ways(dataset.humans_of(number)),
         human_visible=dataset.truth["human_visible"][rows],
         replanned=dataset.truth["replanned"][rows],
         outcome=entry.outcome.value.replace("_", " "),

@@ -1,4 +1,4 @@
-"""Recorded episodes of a run as videos and as paths on a map, with the humans recomputed from their keys."""
+"""Recorded episodes of a run as videos and as paths on a map."""
 
 import math
 from pathlib import Path
@@ -13,11 +13,8 @@ from readygo.common.arrays import Float64Array
 from readygo.common.dataset import Dataset, EpisodeEntry
 from readygo.common.drawing.plan_view import DrawnEpisode
 from readygo.common.frames import wrap_angle
-from readygo.common.messages import AnimateRequest, HumanPlanRequest, Scenario
+from readygo.common.maps import OccupancyMap
 from readygo.common.scenes.top_view import TopView
-from readygo.runs.world import World
-from readygo.services.animator import handle_animate
-from readygo.services.planner import handle_human_plan
 
 CLOSE_UP_RAD = 0.6
 """Largest angle from the image's centre at which a human is shown well [rad]."""
@@ -34,41 +31,29 @@ PAGE_PICTURES_MAX = 120
 class RecordedEpisodes:
     """The episodes of one data folder."""
 
-    def __init__(self, dataset: Dataset, world: World) -> None:
+    def __init__(self, dataset: Dataset, occupancy: OccupancyMap) -> None:
         """Prepare to draw.
 
         Args:
             dataset: The episodes.
-            world: World of the run that recorded them.
+            occupancy: Map of their scene.
         """
-        self.dataset, self.world = dataset, world
-        self._planner, self._animator = world.human_planner(), world.animator()
-        self._static, self._map = world.spec.static, world.scene.maps.robot
-
-    def humans(self, entry: EpisodeEntry) -> tuple[Scenario, tuple[Float64Array, ...]]:
-        """The scenario of an episode, and the paths of its humans [m], shape (T, 2) each."""
-        request = HumanPlanRequest(episode=entry.episode, static=self._static)
-        scenario = handle_human_plan(self._planner, request).scenario
-        assert scenario is not None
-        motions = handle_animate(self._animator, AnimateRequest(scenario=scenario)).motions
-        assert motions is not None
-        return scenario, tuple(human.motion.root_m[:, :2].astype(np.float64) for human in motions.humans)
+        self.dataset, self._map = dataset, occupancy
 
     def draw_episode(self, entry: EpisodeEntry) -> DrawnEpisode:
         """The trajectories of robot and humans in an episode."""
-        scenario, humans = self.humans(entry)
+        film = self.film(entry)
         return DrawnEpisode(
-            label=entry.episode.episode_id,
-            robot_xy_m=self.dataset.poses[rows_of(entry), :2].astype(np.float64),
-            goal_xy_m=scenario.goal_xy_m,
-            humans_xy_m=tuple(xy[: entry.sample_count] for xy in humans),
+            label=film.title,
+            robot_xy_m=film.xyyaw[:, :2].astype(np.float64),
+            goal_xy_m=film.goal_xy_m,
+            humans_xy_m=tuple(_until_still(xy) for xy in film.humans_xy_m),
         )
 
     def film(self, entry: EpisodeEntry, *, width_px: int = CAMERAS_WIDTH_PX) -> EpisodeFilm:
         """The video of an episode, with approximate width `width_px` of several cameras' images."""
         number = int(self.dataset.episode_of_sample[entry.first_sample])
-        _, humans = self.humans(entry)
-        return recorded_film(self.dataset, number, humans_xy_m=humans, width_px=width_px)
+        return recorded_film(self.dataset, number, width_px=width_px)
 
     def write_film(self, path: Path, entry: EpisodeEntry, view: TopView) -> None:
         """Write a small video of an episode for pages, at its pace or faster; its frames show the time."""
@@ -78,11 +63,11 @@ class RecordedEpisodes:
 
     def nearness(self, entry: EpisodeEntry) -> Float64Array:
         """Visibility score of humans at each sample, best 2 to 3 m away, in view and not hidden; -inf if invisible."""
-        _, humans = self.humans(entry)
+        humans = self.film(entry).humans_xy_m
         scores = np.full(entry.sample_count, -np.inf)
         for step, (x, y, _, yaw) in enumerate(self.dataset.poses[rows_of(entry)].astype(np.float64)):
             for xy in humans:
-                offset = xy[min(step, len(xy) - 1)] - (x, y)
+                offset = xy[step] - (x, y)
                 distance, bearing = np.hypot(*offset), wrap_angle(np.arctan2(offset[1], offset[0]) - yaw)
                 if abs(bearing) < CLOSE_UP_RAD and self._sees((x, y), offset):
                     scores[step] = max(scores[step], -abs(distance - BEST_DISTANCE_M))
@@ -97,3 +82,8 @@ class RecordedEpisodes:
         steps = max(2, int(np.hypot(*offset_m) / self._map.frame.resolution_m))
         cells = [self._map.frame.cell(*(xy_m + offset_m * share)) for share in np.linspace(0.0, 1.0, steps)]
         return not any(self._map.occupied[cell] for cell in cells)
+
+
+def _until_still(xy_m: Float64Array) -> Float64Array:
+    """A path without the repetitions of its last point: a line's end would be drawn again for each."""
+    return xy_m[: int(np.any(xy_m != xy_m[-1], axis=1).nonzero()[0].max(initial=-1)) + 2]

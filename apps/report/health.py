@@ -27,7 +27,7 @@ from readygo.common.maps import OccupancyMap
 from readygo.common.scenes.filmed import FILMED_MIN
 
 SIDE_MAX_PX = 1200
-TOP, ROBOT_MAP, HUMAN_MAP, VIEWS, CLARITY = "top.png", "map_robot.png", "map_human.png", "views.png", "map_views.png"
+TOP, ROBOT_MAP, VIEWS, CLARITY = "top.png", "map_robot.png", "views.png", "map_views.png"
 SIGHT, FILMED, HELD_OUT = "map_sight.png", "map_filmed.png", "map_held_out.png"
 """Names of the report's pictures."""
 _PHOTOGRAPHS = (TOP, VIEWS)

@@ -7,8 +7,6 @@ sweep.json                  all points and their results; sweep.md and sweep.htm
 .sweep/logs/                what Slurm's jobs print
 """
 
-import json
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,10 +15,11 @@ from typing import Any, Literal
 
 from readygo.apps.sweep.plan import Sweep, SweepPoint
 from readygo.common.config import section_from_mapping, section_to_mapping
-from readygo.common.documents import read_json
+from readygo.common.documents import read_json, write_json
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.files import write_whole
-from readygo.common.locks import hold
+from readygo.common.locks import held
+from readygo.runs.folder import check_new
 
 STATE_FOLDER = ".sweep"
 JOINED_FILE = "sweep.json"
@@ -94,8 +93,8 @@ class SweepFolder:
 
     def check_free(self) -> None:
         """Raise RunError if the folder holds files of something else."""
-        if self.path.exists() and not self.state.is_dir() and any(self.path.iterdir()):
-            raise RunError(f"{self.path} holds files of something else; choose an empty or new folder with --out.")
+        if not self.state.is_dir():
+            check_new(self.path)
 
     def record(self, point: SweepPoint) -> PointRecord | None:
         """The record of a point; None before it has begun.
@@ -130,42 +129,27 @@ class SweepFolder:
 
     def write(self, point: SweepPoint, record: PointRecord) -> None:
         """Write the record of a point, in one piece."""
-        text = json.dumps(section_to_mapping(record), indent=2)
-        write_whole(self._beside(point, ".json"), f"{text}\n", raises=RunError)
+        write_json(self._beside(point, ".json"), section_to_mapping(record), raises=RunError)
 
     @contextmanager
     def lock(self, point: SweepPoint, *, patience_s: float) -> Iterator[bool]:
         """Lock a point; False if another process still runs it after `patience_s` [s]."""
-        with _held(self._beside(point, ".lock"), patience_s) as held:
-            yield held
+        with held(self._beside(point, ".lock"), patience_s=patience_s) as lock:
+            yield lock is not None
 
     @contextmanager
     def lock_all(self, *, patience_s: float) -> Iterator[bool]:
         """Lock the joined results."""
-        with _held(self.state / "lock", patience_s) as held:
-            yield held
+        with held(self.state / "lock", patience_s=patience_s) as lock:
+            yield lock is not None
 
     def runs(self, point: SweepPoint) -> bool:
         """True if a process on this machine, or on one whose file system shares locks, runs a point."""
         if not self._beside(point, ".lock").exists():
             return False
-        with self.lock(point, patience_s=0.0) as held:
-            return not held
+        with self.lock(point, patience_s=0.0) as free:
+            return not free
 
     def _beside(self, point: SweepPoint, ending: str) -> Path:
         place = self.points / point.name
         return place.with_name(place.name + ending)
-
-
-@contextmanager
-def _held(path: Path, patience_s: float) -> Iterator[bool]:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        descriptor = hold(path, patience_s=patience_s)
-    except OSError as error:
-        raise RunError(f"{path.parent} cannot be written: {error.strerror}.") from error
-    try:
-        yield descriptor is not None
-    finally:
-        if descriptor is not None:
-            os.close(descriptor)

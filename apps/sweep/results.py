@@ -1,7 +1,6 @@
 """Joins the records of a sweep by their hashes: sweep.json, and a table of means over the seeds with intervals."""
 
 import dataclasses
-import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from readygo.apps.report.tables import measure_cell, measure_title
 from readygo.apps.sweep.folder import JOINED_FILE, PointRecord, SweepFolder
 from readygo.apps.sweep.plan import Sweep, SweepPoint
 from readygo.common.config import section_to_mapping
+from readygo.common.documents import write_json
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
 from readygo.runs.benchmark.inputs import row_of
@@ -79,7 +79,7 @@ def join_results(folder: SweepFolder, sweep: Sweep) -> list[PointRecord]:
             ],
             "rows": [_row_mapping(row) for row in rows],
         }
-        write_whole(folder.path / JOINED_FILE, f"{json.dumps(joined, indent=2)}\n", raises=RunError)
+        write_json(folder.path / JOINED_FILE, joined, raises=RunError)
         blocks = _blocks(rows)
         title, words = f"Sweep of readygo {sweep.file.command}", _words(sweep, [record for _, record in pairs])
         text = "\n\n".join([f"# {title}", words, *("\n".join(markdown_lines(block)) for block in blocks)])

@@ -47,9 +47,7 @@ def spread_places(reachable: BoolArray, frame: GridFrame, count: int) -> Float64
         chosen = [int(np.argmin(_square_distances(cells, middle))) for middle in middles]
     # From the largest y down, as people read a map.
     rows = sorted({tuple(cells[k]) for k in chosen}, reverse=True)
-    corner = np.array([frame.origin_x_m, frame.origin_y_m])
-    places: Float64Array = corner + (np.array(rows)[:, ::-1] + 0.5) * frame.resolution_m
-    return places
+    return np.column_stack(frame.centre_m(*np.array(rows).T))
 
 
 def _square_distances(cells: Int64Array, cell: Float64Array) -> Float64Array:

@@ -2,7 +2,7 @@
 
     python -m readygo.benchmarks.fleet.hosts --episodes 120 --faults 200
 
-Hosts are network namespaces of this machine, as in `benchmarks.recording.three_hosts` (root and `ip` are needed); all
+Hosts are network namespaces of this machine, joined by a bridge (`bridge.py`: root and `ip` are needed); all
 speak mTLS. The first host has the coordinator, each of the others a recorder with its own disk and workers: one of
 role `all` on the second, one of every role on the third. All workers have the same name, which is allowed: names differ
 within a role only. The faults: a process is killed and started again, frozen, or its host cut off; a process of another
@@ -24,9 +24,9 @@ from typing import Any
 
 import tyro
 
+from readygo.benchmarks.fleet.bridge import PORT, Host, committed, hosts_on_a_bridge, readygo, set_link
 from readygo.benchmarks.fleet.chaos import SETTINGS, compare
 from readygo.benchmarks.rasterizer.render import machine
-from readygo.benchmarks.recording.three_hosts import PORT, Host, committed, hosts_on_a_bridge, readygo, set_link
 from readygo.common.dataset import Report, validate
 from readygo.common.dataset.aside import read_set_aside
 from readygo.common.messages.stages import EXPERT_LINE

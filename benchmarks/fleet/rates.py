@@ -39,7 +39,6 @@ RESULT_BYTES = {"human-plan": 9_000, "animate": 160_000, "robot-plan": 14_000}
 """Sizes of the stages' results for the embedded scene with two humans [bytes]."""
 SHARE_SAMPLES = 10
 INGEST_EPISODES = 10
-ASKED = {"completions_hz": 2000.0, "ingest_mb_s": 250.0}
 
 
 def main(*, episodes: int = 2000, json_output: Annotated[bool, tyro.conf.arg(name="json")] = False) -> None:

@@ -23,6 +23,7 @@ from readygo.apps.fleet.roles import COORDINATOR
 from readygo.benchmarks.fleet.chaos import SETTINGS
 from readygo.benchmarks.fleet.site import DataSite
 from readygo.benchmarks.rasterizer.render import machine
+from readygo.benchmarks.recording.watching import cpu_s
 from readygo.common.bus import Bus, Member
 from readygo.common.errors import BusError, ReadygoError
 from readygo.common.messages import CommittedEpisode, StatusRequest, topics
@@ -169,7 +170,7 @@ def _kill(site: DataSite, watch: RunObserver, name: str) -> dict[str, float]:
     successor = site.processes().get(name)
     if successor:
         rows[f"ready: {role}"] = ready_s - _started_s(successor)
-        rows[f"ready: {role}, processor time"] = _cpu_s(successor)
+        rows[f"ready: {role}, processor time"] = cpu_s(successor)
     if role in (COORDINATOR, "rec"):
         what = COORDINATOR if role == COORDINATOR else "recorder"
         since_s = ready_s if role == COORDINATOR else begin_s
@@ -216,11 +217,6 @@ def _started_s(pid: int) -> float:
     """When a process began, by the clock of `time.monotonic`."""
     ticks = int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[19])
     return ticks / os.sysconf("SC_CLK_TCK") + time.monotonic() - time.clock_gettime(time.CLOCK_BOOTTIME)
-
-
-def _cpu_s(pid: int) -> float:
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def _text(result: dict[str, Any]) -> str:

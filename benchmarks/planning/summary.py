@@ -11,10 +11,9 @@ import numpy as np
 
 from readygo.benchmarks.planning.runs import Draw, PlanningJob, PlanningRun
 from readygo.common.episode import EpisodeConfig, summarize
+from readygo.common.episode.conduct import NEAR_MISS_M
 from readygo.common.robot import RobotConfig
 
-NEAR_MISS_M = 0.2
-"""A near miss is a run without human collision in which the discs of robot and human come this near [m]."""
 COLUMNS = (15, 5, 5, 4, 14, 10, 5, 5, 5)
 LEGEND = (
     f"near: runs without collision, but with less than {NEAR_MISS_M} m between robot and human",

@@ -240,7 +240,6 @@ def _sweep(job: GpuJob, batches: Sequence[int], seconds: float) -> Iterator[dict
         *((most, {"project_warps": warps}) for warps in (4,)),
         *((most, {"programs_per_processor": count}) for count in (4, 16)),
         *((most, {"cameras_per_pass": count}) for count in (32, 128, 256)),
-        *((size, {"graphs": True}) for size in batches if size <= base.cameras_per_pass),
     ]
     for size, change in changes:
         settings = replace(base, **change)

@@ -165,11 +165,11 @@ def _moments(pid: int, viewers: Viewers, span_s: float) -> Iterator[MonitorCost]
         reading = reading_of(pid)
         if reading is None:
             raise SystemExit("The monitor has ended before its time.")
-        yield MonitorCost(elapsed, reading["private_mb"], _cpu_s(pid), sum(viewers.received) / 1e6)
+        yield MonitorCost(elapsed, reading["private_mb"], cpu_s(pid), sum(viewers.received) / 1e6)
         time.sleep(PERIOD_S)
 
 
-def _cpu_s(pid: int) -> float:
+def cpu_s(pid: int) -> float:
     """Processor time of a process so far, user and system [s]."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

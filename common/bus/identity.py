@@ -27,11 +27,6 @@ class Identity:
     authority: Path
     """The certificate of the authority that signed all of a fleet's."""
 
-    @property
-    def role(self) -> str:
-        """The role, which decides what the participant may do."""
-        return role_of(self.name)
-
 
 @dataclass(frozen=True, slots=True)
 class Member:

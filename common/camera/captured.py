@@ -17,7 +17,8 @@ FILE_BYTES_MAX = 1 << 26
 """Larger files are not read: more than 100,000 cameras."""
 AGREE_MIN = 0.3
 """Cameras whose ups have a shorter mean look every way, and tell nothing of up."""
-_ROTATION_ERROR_MAX = 1e-3
+ROTATION_ERROR_MAX = 1e-3
+"""Largest error of R R^T of a pose that is read."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -109,7 +110,7 @@ def _views(rows: list[Any]) -> CapturedViews:
     R = T[:, :3, :3]
     if not (np.isfinite(T).all() and np.isfinite(K).all() and (sizes > 0).all() and (K[:, [0, 1], [0, 1]] > 0).all()):
         raise ValueError("numbers must be finite, sizes and focal lengths positive")
-    if not (np.abs(R @ R.swapaxes(1, 2) - np.eye(3)) < _ROTATION_ERROR_MAX).all() or (np.linalg.det(R) < 0).any():
+    if not (np.abs(R @ R.swapaxes(1, 2) - np.eye(3)) < ROTATION_ERROR_MAX).all() or (np.linalg.det(R) < 0).any():
         raise ValueError("rotation is none")
     images = tuple(str(row.get("img_name", k)) for k, row in enumerate(rows))
     return CapturedViews(images=images, sizes_px=sizes, K_px=K, T_world_camera=T)

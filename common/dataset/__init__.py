@@ -6,13 +6,12 @@ from readygo.common.dataset.clarity import RecordedClarity, recorded_clarity
 from readygo.common.dataset.committed import committed_episodes
 from readygo.common.dataset.encode import ShardPlace, encode_episode
 from readygo.common.dataset.entries import EpisodeEntry
-from readygo.common.dataset.provenance import AvatarOrigin, Provenance, ScenarioOrigin, SceneOrigin
+from readygo.common.dataset.provenance import Provenance, SceneOrigin
 from readygo.common.dataset.reader import Dataset
 from readygo.common.dataset.validate import Defect, Report, validate
 from readygo.common.dataset.writer import ShardWriter, shard_name
 
 __all__ = [
-    "AvatarOrigin",
     "Calibration",
     "Dataset",
     "Defect",
@@ -22,7 +21,6 @@ __all__ = [
     "Provenance",
     "RecordedClarity",
     "Report",
-    "ScenarioOrigin",
     "SceneOrigin",
     "ShardWriter",
     "committed_episodes",

@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from mcap.opcode import Opcode
-
 from readygo.common.dataset import schemas
 from readygo.common.dataset.chunk import parse
 from readygo.common.dataset.index import map_file
-from readygo.common.dataset.records import chunk_span, iter_messages, iter_records
+from readygo.common.dataset.records import chunk_spans, iter_messages
 from readygo.common.errors import DatasetError
 from readygo.common.messages.episode import EpisodeKey
 
@@ -29,16 +27,11 @@ def read_casts(shard: Path) -> list[Cast]:
     Raises:
         DatasetError: If the shard is truncated or damaged.
     """
-    casts = []
     try:
         with map_file(shard) as view:
-            for record in iter_records(view):
-                if record.opcode == Opcode.CHUNK:
-                    span = chunk_span(view, record)
-                    casts.append(_cast(view, span.body, span.end))
+            return [_cast(view, span.body, span.end) for span in chunk_spans(view)]
     except DatasetError as error:
         raise DatasetError(f"Shard {shard} cannot be read: {error}; see `readygo validate {shard.parent}`.") from error
-    return casts
 
 
 def _cast(view: memoryview, body: int, end: int) -> Cast:

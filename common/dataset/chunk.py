@@ -102,7 +102,7 @@ def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
         DatasetError: If the records are not one whole, committed episode with the hash that its commit names.
     """
     view = memoryview(data)
-    messages = messages_of(view)
+    messages = list(iter_messages(view, 0, len(view)))
     by_channel = _messages_by_channel(messages)
     calibration_channel = schemas.CALIBRATION if is_canonical(messages) else schemas.ROS_CALIBRATION
     start, calibration, commit = (
@@ -167,19 +167,10 @@ def constants(start: Any, calibration: Any, channel: schemas.Channel) -> dict[st
     }
 
 
-def messages_of(view: memoryview) -> list[Message]:
-    """The messages among a chunk's records.
-
-    Raises:
-        DatasetError: If a record is cut off.
-    """
-    return list(iter_messages(view, 0, len(view)))
-
-
 def canonical(chunk: EpisodeChunk) -> EpisodeChunk:
     """An episode in canonical form, however `chunk` holds it."""
     view = memoryview(chunk.data)
-    messages = messages_of(view)
+    messages = list(iter_messages(view, 0, len(view)))
     if is_canonical(messages):
         return chunk
     return read_chunk(b"".join(canonical_parts(view, messages, chunk.episode.index)), sha256=chunk.sha256)

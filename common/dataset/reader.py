@@ -352,16 +352,16 @@ class Dataset:
         return tuple(poses for shard, row in self._order for poses in of_shard[shard][row])
 
     def humans_of(self, number: int) -> tuple[Float64Array, ...]:
-        """Every human at each sample of an episode, see `humans_xyzyaw`; only the episode's shard is read.
+        """Every human at each sample of an episode, see `humans_xyzyaw`; only the episode is read.
 
         Args:
             number: Row in `episodes`.
 
         Raises:
-            DatasetError: If the shard is damaged.
+            DatasetError: If the episode is damaged.
         """
         shard, row = self._order[number]
-        return tuple(humans_of_shard(self.shards[shard])[row])
+        return tuple(humans_of_shard(self.shards[shard], only=row)[0])
 
     def calibration(self, index: int, camera: str = "") -> Calibration:
         """A camera that made images of a sample.

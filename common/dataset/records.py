@@ -71,13 +71,13 @@ class ChunkSpan:
     end: int
 
 
-def iter_records(buffer: memoryview, offset: int = len(MAGIC)) -> Iterator[Record]:
-    """The records of an MCAP file from `offset` up to and including the footer.
+def iter_records(buffer: memoryview) -> Iterator[Record]:
+    """The records of an MCAP file up to and including the footer.
 
     Raises:
         DatasetError: If a record is cut off.
     """
-    size = len(buffer)
+    offset, size = len(MAGIC), len(buffer)
     while True:
         if offset + RECORD_HEADER.size > size:
             raise DatasetError(f"the file ends at byte {size} without a footer")
@@ -109,6 +109,15 @@ def chunk_span(buffer: memoryview, record: Record) -> ChunkSpan:
     if stored != size or body + stored != record.end:
         raise DatasetError(f"the chunk at byte {record.offset} has contradicting lengths")
     return ChunkSpan(start_ns, end_ns, crc32, body, record.end)
+
+
+def chunk_spans(buffer: memoryview) -> Iterator[ChunkSpan]:
+    """Where the records of each chunk of an MCAP file are.
+
+    Raises:
+        DatasetError: If a record is cut off, or as `chunk_span`.
+    """
+    return (chunk_span(buffer, record) for record in iter_records(buffer) if record.opcode == Opcode.CHUNK)
 
 
 def is_intact(buffer: memoryview, chunk: ChunkSpan) -> bool:

@@ -74,8 +74,7 @@ def _dilate(cells: BoolArray) -> BoolArray:
 def _on_floor(cells: npt.NDArray[np.intp], origin_m: Float64Array, cell_m: float, floor: "FloorMap") -> Float64Array:
     """Centres of cells (row, column) on the floor [m], shape (N, 3)."""
     xy_m = origin_m + (cells[:, ::-1] + 0.5) * cell_m
-    origin = np.array([floor.frame.origin_x_m, floor.frame.origin_y_m])
-    column, row = np.floor((xy_m - origin) / floor.frame.resolution_m).astype(np.intp).T
+    row, column = floor.frame.cells(xy_m)
     rows, columns = floor.height_m.shape
     z_m = floor.height_m[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)]
     return np.column_stack([xy_m, z_m])

@@ -7,9 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from mcap.opcode import Opcode
-
-from readygo.common.dataset.records import ChunkSpan, chunk_span, is_intact, iter_records
+from readygo.common.dataset.records import ChunkSpan, chunk_spans, is_intact
 from readygo.common.errors import DatasetError
 from readygo.common.files import open_regular
 
@@ -35,11 +33,6 @@ class ShardFiles:
         # Memory maps cannot be pickled; a data loader's worker opens its own.
         return {**self.__dict__, "_maps": OrderedDict()}
 
-    @property
-    def open_count(self) -> int:
-        """Files that are open."""
-        return len(self._maps)
-
     def read(self, shard: int, offset: int, length: int) -> bytes:
         """Bytes of a shard.
 
@@ -59,7 +52,7 @@ class ShardFiles:
         """
         with memoryview(self._map(shard)) as view:
             if shard not in self._spans:
-                self._spans[shard] = _chunk_spans(view)
+                self._spans[shard] = _readable_spans(view)
             spans = self._spans[shard]
             return row < len(spans) and is_intact(view, spans[row])
 
@@ -79,11 +72,10 @@ class ShardFiles:
         return self._maps[shard]
 
 
-def _chunk_spans(view: memoryview) -> list[ChunkSpan]:
+def _readable_spans(view: memoryview) -> list[ChunkSpan]:
     """The chunks of a shard, as far as its records can be followed."""
     spans: list[ChunkSpan] = []
     with suppress(DatasetError):
-        for record in iter_records(view):
-            if record.opcode == Opcode.CHUNK:
-                spans.append(chunk_span(view, record))
+        for span in chunk_spans(view):
+            spans.append(span)
     return spans

@@ -10,11 +10,11 @@ import numpy as np
 from readygo.common.arrays import Float64Array
 from readygo.common.dataset import columns, markers, packed, schemas
 from readygo.common.dataset.canonical import HALF_PX, record_head, shift_times, with_pixels_moved
-from readygo.common.dataset.chunk import EpisodeChunk, messages_of, parse, read_chunk
+from readygo.common.dataset.chunk import EpisodeChunk, parse, read_chunk
 from readygo.common.dataset.columns import Part, Pieces
 from readygo.common.dataset.packed import Messages
 from readygo.common.dataset.poses import pose_xyzyaw
-from readygo.common.dataset.records import Message
+from readygo.common.dataset.records import Message, iter_messages
 from readygo.common.dataset.scene_map import MapMessages, map_messages
 from readygo.common.dataset.schemas import Channel
 from readygo.common.robot.config import RobotConfig
@@ -51,7 +51,7 @@ class Scenery:
             SceneError: If the map cannot be read.
         """
         view, stage, shift_ns = memoryview(chunk.data), self.of(chunk.drawn), start_ns - chunk.start_time_ns
-        messages = messages_of(view)
+        messages = list(iter_messages(view, 0, len(view)))
         beside = stage._beside(view, messages, chunk, shift_ns)
         parts: list[bytes | memoryview] = []
         for message in messages:

@@ -5,10 +5,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from readygo.common.arrays import UInt8Array
+from readygo.common.arrays import Float32Array, UInt8Array
 from readygo.common.files import write_whole
 
 JPEG_QUALITY = 90
+
+
+def quantise(planes: Float32Array) -> UInt8Array:
+    """Colours (3, H, W) in 0..1 as a picture (H, W, 3)."""
+    return np.ascontiguousarray((np.clip(planes, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8).transpose(1, 2, 0))
 
 
 def png_bytes(rgb: UInt8Array) -> bytes:

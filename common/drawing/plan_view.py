@@ -26,6 +26,8 @@ SCALE_BARS_M = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 50
 SCALE_BAR_SHARE = 0.2
 """Largest share of a picture's width that a scale bar takes."""
 _SUBPIXEL_BITS = 4
+_MARGIN_M = 0.5
+"""Margin of `window_around` [m]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,19 +68,18 @@ def map_window(occupancy: OccupancyMap, low_m: Float64Array, high_m: Float64Arra
     return window
 
 
-def window_around(occupancy: OccupancyMap, shown: BoolArray, *, side_px: int, margin_m: float = 0.5) -> TopView:
+def window_around(occupancy: OccupancyMap, shown: BoolArray, *, side_px: int) -> TopView:
     """The window of an occupancy map that holds some cells, as a picture.
 
     Args:
         occupancy: The map.
         shown: True for the cells to show, shape (H, W); the whole map if there are none.
         side_px: Longer side of the picture [px].
-        margin_m: Margin around the cells [m].
     """
     cells, frame = np.argwhere(shown if shown.any() else np.ones_like(shown)), occupancy.frame
     corner_m = np.array([frame.origin_x_m, frame.origin_y_m])
-    low_m = corner_m + cells.min(axis=0)[::-1] * frame.resolution_m - margin_m
-    high_m = corner_m + (cells.max(axis=0)[::-1] + 1) * frame.resolution_m + margin_m
+    low_m = corner_m + cells.min(axis=0)[::-1] * frame.resolution_m - _MARGIN_M
+    high_m = corner_m + (cells.max(axis=0)[::-1] + 1) * frame.resolution_m + _MARGIN_M
     return map_window(occupancy, low_m, high_m, pixel_m=float((high_m - low_m).max()) / side_px)
 
 

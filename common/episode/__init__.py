@@ -5,11 +5,9 @@ from typing import TYPE_CHECKING
 from readygo.common.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from readygo.common.episode.collision import meets_human as meets_human
     from readygo.common.episode.collision import meets_obstacle as meets_obstacle
     from readygo.common.episode.conduct import Conduct as Conduct
     from readygo.common.episode.conduct import Contact as Contact
-    from readygo.common.episode.conduct import conduct_of as conduct_of
     from readygo.common.episode.config import EpisodeConfig as EpisodeConfig
     from readygo.common.episode.grid_search import GridSearch as GridSearch
     from readygo.common.episode.grid_search import shortest_way_m as shortest_way_m
@@ -18,20 +16,14 @@ if TYPE_CHECKING:
     from readygo.common.episode.metrics import summarize as summarize
     from readygo.common.episode.metrics import wilson_interval as wilson_interval
     from readygo.common.episode.simulation import EpisodeSimulation as EpisodeSimulation
-    from readygo.common.episode.simulation import time_to_contact_s as time_to_contact_s
-    from readygo.common.episode.straight_line import straight_line_command as straight_line_command
     from readygo.common.episode.streams import Purpose as Purpose
     from readygo.common.episode.streams import episode_rng as episode_rng
 else:
     _NAMES = {
-        ".collision": (
-            "meets_human",
-            "meets_obstacle",
-        ),
+        ".collision": ("meets_obstacle",),
         ".conduct": (
             "Conduct",
             "Contact",
-            "conduct_of",
         ),
         ".config": ("EpisodeConfig",),
         ".grid_search": (
@@ -44,11 +36,7 @@ else:
             "summarize",
             "wilson_interval",
         ),
-        ".simulation": (
-            "EpisodeSimulation",
-            "time_to_contact_s",
-        ),
-        ".straight_line": ("straight_line_command",),
+        ".simulation": ("EpisodeSimulation",),
         ".streams": (
             "Purpose",
             "episode_rng",

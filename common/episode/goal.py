@@ -2,10 +2,8 @@
 
 import math
 
-import numpy as np
-
-from readygo.common.episode.grid_search import FREE, GridSearch, taut_path_m
-from readygo.common.maps import OccupancyMap, clearance_m
+from readygo.common.episode.grid_search import shortest_path_m
+from readygo.common.maps import OccupancyMap
 from readygo.common.messages import Scenario
 
 
@@ -33,12 +31,8 @@ def arrival_yaw_rad(
         start_xy_m: Where from.
         goal_xy_m: Where to.
     """
-    frame = occupancy.frame
-    factor = np.where(clearance_m(occupancy) > radius_m, np.uint8(FREE), np.uint8(0))
-    start, goal = frame.cell(*start_xy_m), frame.cell(*goal_xy_m)
-    factor[start] = factor[goal] = FREE
-    cells = GridSearch(factor.shape).path(factor, start, goal)
+    points_m = shortest_path_m(occupancy, radius_m, start_xy_m, goal_xy_m)
     (ax, ay), (bx, by) = start_xy_m, goal_xy_m
-    if cells is not None and len(cells) > 1:
-        (ax, ay), (bx, by) = taut_path_m(cells, factor, frame)[-2:].tolist()
+    if points_m is not None and len(points_m) > 1:
+        (ax, ay), (bx, by) = points_m[-2:].tolist()
     return math.atan2(by - ay, bx - ax)

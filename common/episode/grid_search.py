@@ -102,16 +102,22 @@ def shortest_way_m(
 
     A grid path, pulled taut over free cells: within a few per cent of the true length.
     """
+    points_m = shortest_path_m(occupancy, radius_m, start_xy_m, goal_xy_m)
+    return math.inf if points_m is None else _length_until(points_m, goal_xy_m, goal_radius_m)
+
+
+def shortest_path_m(
+    occupancy: OccupancyMap, radius_m: float, start_xy_m: tuple[float, float], goal_xy_m: tuple[float, float]
+) -> Float64Array | None:
+    """Corner points of the shortest way of a disc [m], shape (M, 2); None if there is none or an end is off the map."""
     frame = occupancy.frame
     factor = np.where(clearance_m(occupancy) > radius_m, np.uint8(FREE), np.uint8(0))
     start, goal = frame.cell(*start_xy_m), frame.cell(*goal_xy_m)
     if not all(0 <= i < factor.shape[0] and 0 <= j < factor.shape[1] for i, j in (start, goal)):
-        return math.inf
+        return None
     factor[start] = factor[goal] = FREE
     cells = GridSearch(occupancy.occupied.shape).path(factor, start, goal)
-    if cells is None:
-        return math.inf
-    return _length_until(taut_path_m(cells, factor, frame), goal_xy_m, goal_radius_m)
+    return None if cells is None else taut_path_m(cells, factor, frame)
 
 
 def taut_path_m(cells: Int64Array, factor: UInt8Array, frame: GridFrame) -> Float64Array:

@@ -7,6 +7,7 @@
 | `evaluate`, `learn` | any method, many episodes in lockstep | none: the simulation keeps what is scored |
 | films and pages of an evaluation | the actions that were kept | the journal |
 | `drive --rehearse`, `simulate-robot` | a pilot behind a simulated network, a client of the transport | none |
+| `rl` | the expert or the policy that it teaches, with the expert's labels | none |
 | Gymnasium | the caller, by `EpisodeRun.advance` | the reward |
 """
 

@@ -80,8 +80,8 @@ def summarize(results: Sequence[EpisodeResult], *, time_limit_s: float) -> TaskS
     )
 
 
-def wilson_interval(success_count: int, count: int, *, z: float = 1.959963984540054) -> tuple[float, float]:
-    """Wilson score interval of a rate; 95 % by default.
+def wilson_interval(success_count: int, count: int) -> tuple[float, float]:
+    """Wilson score interval of a rate, 95 %.
 
     Raises:
         ValueError: If `count` is not positive or `success_count` is not in 0..count.
@@ -90,6 +90,7 @@ def wilson_interval(success_count: int, count: int, *, z: float = 1.959963984540
     """
     if count <= 0 or not 0 <= success_count <= count:
         raise ValueError(f"success_count must be 0..count with count > 0, got {success_count} of {count}.")
+    z = 1.959963984540054
     p, zz = success_count / count, z * z
     centre = (p + zz / (2 * count)) / (1 + zz / count)
     half = z / (1 + zz / count) * math.sqrt(p * (1 - p) / count + zz / (4 * count * count))

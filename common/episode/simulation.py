@@ -189,11 +189,11 @@ class EpisodeSimulation:
         for human in range(walked_m.shape[1]):
             here, there = walked_m[:-1, human].tolist(), walked_m[1:, human].tolist()
             for k, (x, y, yaw, v, _) in enumerate(rows.tolist()):
-                dx, dy = here[k][0] - x, here[k][1] - y
-                vx = (there[k][0] - here[k][0]) / dt_s - v * math.cos(yaw)
-                vy = (there[k][1] - here[k][1]) / dt_s - v * math.sin(yaw)
-                distance_m[k] = min(distance_m[k], math.sqrt(dx * dx + dy * dy))
-                collision_s[k] = min(collision_s[k], time_to_contact_s(dx, dy, vx, vy, self.contact_m))
+                offset_m = here[k][0] - x, here[k][1] - y
+                v_mps = (there[k][0] - here[k][0]) / dt_s, (there[k][1] - here[k][1]) / dt_s
+                near_m, contact_s = nearness(offset_m, v_mps, yaw, v, self.contact_m)
+                distance_m[k] = min(distance_m[k], near_m)
+                collision_s[k] = min(collision_s[k], contact_s)
         return distance_m, collision_s
 
 
@@ -205,6 +205,23 @@ def _side_by_side(paths_m: list[Float64Array]) -> Float64Array:
         together[: len(path), index] = path
         together[len(path) :, index] = path[-1]
     return together
+
+
+def nearness(
+    offset_m: tuple[float, float], v_mps: tuple[float, float], yaw_rad: float, robot_mps: float, contact_m: float
+) -> tuple[float, float]:
+    """Distance of a human from a robot that drives in a straight line [m], and time until they touch [s].
+
+    Args:
+        offset_m: From the robot to the human.
+        v_mps: The human's velocity.
+        yaw_rad: Where the robot drives to.
+        robot_mps: How fast.
+        contact_m: Distance at which they touch [m].
+    """
+    (dx, dy), (vx, vy) = offset_m, v_mps
+    vx, vy = vx - robot_mps * math.cos(yaw_rad), vy - robot_mps * math.sin(yaw_rad)
+    return math.sqrt(dx * dx + dy * dy), time_to_contact_s(dx, dy, vx, vy, contact_m)
 
 
 def time_to_contact_s(dx_m: float, dy_m: float, vx_mps: float, vy_mps: float, contact_m: float) -> float:

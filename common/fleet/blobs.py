@@ -1,14 +1,15 @@
 """Fetching what is too large for a reply, and files of a run that a machine lacks."""
 
-import fcntl
 import hashlib
 import logging
+import math
 import time
 from pathlib import Path
 
 from readygo.common.bus import Bus
 from readygo.common.errors import BusError, PeerError, RunError
 from readygo.common.files import open_regular
+from readygo.common.locks import held
 from readygo.common.messages import BlobReply, BlobRequest, FileRef, topics
 from readygo.common.messages.codec import MESSAGE_BYTES_MAX
 
@@ -58,10 +59,8 @@ def fetch_file(bus: Bus, file: FileRef, path: Path) -> None:
     """
     if is_whole(path, file):
         return
-    path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f".{path.name}.part")
-    with path.with_name(f".{path.name}.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    with held(path.with_name(f".{path.name}.lock"), patience_s=math.inf):
         for _ in range(2):
             if is_whole(path, file):
                 return

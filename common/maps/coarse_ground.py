@@ -70,8 +70,7 @@ def _covered_m2(cloud: GaussianCloud, floor: FloorMap) -> Float64Array:
     """Area that lying Gaussians cover in each cell of the floor [m2]."""
     samples = sample_surfaces(cloud, floor.frame.resolution_m)
     rows, columns = floor.height_m.shape
-    j = np.floor((samples.xyz_m[:, 0] - floor.frame.origin_x_m) / floor.frame.resolution_m).astype(np.int64)
-    i = np.floor((samples.xyz_m[:, 1] - floor.frame.origin_y_m) / floor.frame.resolution_m).astype(np.int64)
+    i, j = floor.frame.cells(samples.xyz_m[:, :2])
     inside = (i >= 0) & (j >= 0) & (i < rows) & (j < columns)
     flat = np.bincount((i * columns + j)[inside], samples.area_m2[inside], rows * columns)
     covered: Float64Array = flat.reshape(rows, columns).astype(np.float64)

@@ -110,8 +110,7 @@ def complete_floor(estimate: FloorEstimate, cameras_m: Float64Array) -> FloorEst
     share = np.arange(0.0, 1.0, frame.resolution_m / STRIDE_M)[:, None, None]
     near = np.hypot(*(held[1:] - held[:-1]).T) <= STRIDE_M
     between = (held[:-1] + share * (held[1:] - held[:-1]))[:, near].reshape(-1, 2)
-    cells = np.floor((np.concatenate([held, between]) - (frame.origin_x_m, frame.origin_y_m)) / frame.resolution_m)
-    j, i = cells.astype(np.int64).T
+    i, j = frame.cells(np.concatenate([held, between]))
     inside = (i >= 0) & (j >= 0) & (i < estimate.supported.shape[0]) & (j < estimate.supported.shape[1])
     way = np.ones(estimate.supported.shape, np.bool_)
     way[i[inside], j[inside]] = False
@@ -145,9 +144,7 @@ def _prior(coarse: CoarseFloor, frame: GridFrame, shape: tuple[int, int]) -> Flo
     """The coarse floor, without gaps, at the centres of a finer grid."""
     filled = fill_smoothly(coarse.height_m, np.isfinite(coarse.height_m))
     surface = FloorMap(frame=coarse.frame, height_m=filled.astype(np.float32))
-    x = frame.origin_x_m + (np.arange(shape[1]) + 0.5) * frame.resolution_m
-    y = frame.origin_y_m + (np.arange(shape[0]) + 0.5) * frame.resolution_m
-    xy = np.stack(np.meshgrid(x, y), axis=-1)
+    xy = np.stack(np.meshgrid(*frame.centre_m(np.arange(shape[0]), np.arange(shape[1]))), axis=-1)
     return surface.at_many(xy.reshape(-1, 2)).reshape(shape)
 
 

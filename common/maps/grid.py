@@ -2,10 +2,11 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any, overload
 
 import numpy as np
 
-from readygo.common.arrays import BoolArray, Float32Array, Float64Array
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array, FloatingArray, Int64Array
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.messages.checks import check_array
 
@@ -33,12 +34,29 @@ class GridFrame:
             math.floor((x_m - self.origin_x_m) / self.resolution_m),
         )
 
-    def centre_m(self, row: int, column: int) -> tuple[float, float]:
-        """World x, y of a cell's centre [m].
+    def cells(self, xy_m: FloatingArray) -> tuple[Int64Array, Int64Array]:
+        """Rows and columns of the cells that hold points (may lie outside of the grid), shape (N,) each.
 
         Args:
-            row: Number of the cell along y.
-            column: Number of the cell along x.
+            xy_m: World x, y [m], shape (N, 2).
+        """
+        return (
+            np.floor((xy_m[:, 1] - self.origin_y_m) / self.resolution_m).astype(np.int64),
+            np.floor((xy_m[:, 0] - self.origin_x_m) / self.resolution_m).astype(np.int64),
+        )
+
+    @overload
+    def centre_m(self, row: int, column: int) -> tuple[float, float]: ...
+
+    @overload
+    def centre_m(self, row: Int64Array, column: Int64Array) -> tuple[Float64Array, Float64Array]: ...
+
+    def centre_m(self, row: Any, column: Any) -> tuple[Any, Any]:
+        """World x, y of a cell's centre, or of the centres of cells [m].
+
+        Args:
+            row: Number of the cell along y, or numbers.
+            column: Number of the cell along x, or numbers.
         """
         return (
             self.origin_x_m + (column + 0.5) * self.resolution_m,

@@ -14,7 +14,7 @@ from readygo.common.gaussians import GaussianCloud
 from readygo.common.maps.coarse_ground import ground_detail
 from readygo.common.maps.floor import FloorEstimate, complete_floor, estimate_floor
 from readygo.common.maps.grid import FloorMap, GridFrame, OccupancyMap
-from readygo.common.maps.voxels import opacity_sums
+from readygo.common.maps.voxels import occupied_bands
 
 FLOOR_CELLS = 2
 """Cells of the floor map are this many map cells wide."""
@@ -28,8 +28,6 @@ STEP_M = 0.05
 """Something stands where the ground that is seen rises by more than this more steeply than ground does [m]: low boxes,
 whose Gaussians are not higher than rough ground. A box 0.3 m wide and 0.1 m high has 0.051 m in a flat; of the rough
 ground in a camp site 9 % of the area has more, of that in a flat none."""
-OPACITY_MIN = 0.2
-"""Fainter Gaussians are haze and occupy nothing."""
 GROUND_CLEARANCE_M = 0.10
 """Lower things count as floor [m]."""
 SLOPE_MAX = 0.35
@@ -38,8 +36,6 @@ RAIL_TOP_M = 1.3
 RAIL_WIDTH_M = 0.4
 RAIL_LENGTH_M = 0.8
 """A handrail is at most this high above the floor, at most this wide and at least this long [m]."""
-VOXELS_PER_BAND = 16_000_000
-"""Largest number of voxels held at a time."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +100,7 @@ def plan_scene(cloud: GaussianCloud, config: MapConfig, cameras_m: Float64Array 
         estimate = complete_floor(estimate, cameras_m)
     frame = replace(estimate.floor.frame, resolution_m=config.resolution_m)
     shape = tuple(FLOOR_CELLS * n for n in estimate.supported.shape)
-    above = _above_floor(cloud, estimate.floor)
+    above = above_floor(cloud, estimate.floor)
     bands = _occupied_bands(above, frame, (shape[0], shape[1]), config)
     robot = _with_compact_low(bands.low, bands.robot, config.resolution_m)
     robot |= _railings(bands.waist, robot, config.resolution_m)
@@ -142,7 +138,7 @@ def _walkable(estimate: FloorEstimate) -> BoolArray:
     return walkable.repeat(FLOOR_CELLS, axis=0).repeat(FLOOR_CELLS, axis=1)
 
 
-def _above_floor(cloud: GaussianCloud, floor: FloorMap) -> GaussianCloud:
+def above_floor(cloud: GaussianCloud, floor: FloorMap) -> GaussianCloud:
     """The cloud with heights above the local floor instead of world z."""
     means = cloud.means_m.copy()
     means[:, 2] -= floor.at_many(cloud.means_m[:, :2].astype(np.float64)).astype(np.float32)
@@ -184,26 +180,17 @@ class _Bands:
 
 
 def _occupied_bands(cloud: GaussianCloud, frame: GridFrame, shape: tuple[int, int], config: MapConfig) -> _Bands:
-    """Voxelise a cloud whose heights are relative to the floor, in bands of rows that fit into memory."""
+    """Voxelise a cloud whose heights are relative to the floor."""
     cell_m, bottom_m = config.resolution_m, GROUND_CLEARANCE_M
     low, robot, rail, human = (
         math.ceil((top_m - bottom_m) / cell_m - 1e-6)
         for top_m in (bottom_m + LOW_BAND_M, config.robot_height_m, RAIL_TOP_M, config.human_height_m)
     )
     layers = max(low, robot, rail, human)
-    reach = cloud.scales_m.max(axis=1)
-    z, y = cloud.means_m[:, 2], cloud.means_m[:, 1]
-    solid = (z + reach > bottom_m) & (z - reach < bottom_m + layers * cell_m) & (cloud.opacities >= OPACITY_MIN)
     bands = np.zeros((4, *shape), np.bool_)
-    rows_per_band = max(1, VOXELS_PER_BAND // (layers * shape[1]))
-    for row in range(0, shape[0], rows_per_band):
-        rows = min(rows_per_band, shape[0] - row)
-        low_m = frame.origin_y_m + row * cell_m
-        here = cloud.select(solid & (y + reach > low_m) & (y - reach < low_m + rows * cell_m))
-        sums = opacity_sums(here, replace(frame, origin_y_m=low_m), bottom_m, (layers, rows, shape[1]))
-        occupied = sums > config.opacity_threshold
+    for rows, occupied in occupied_bands(cloud, frame, bottom_m, (layers, *shape), config.opacity_threshold):
         for band, (first, last) in zip(bands, ((0, low), (low, robot), (robot, rail), (low, human)), strict=True):
-            band[row : row + rows] = occupied[first:last].any(axis=0)
+            band[rows] = occupied[first:last].any(axis=0)
     return _Bands(low=bands[0], robot=bands[1], waist=bands[2], human=bands[3])
 
 

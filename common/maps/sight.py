@@ -5,7 +5,7 @@ A wall hides all of a human, a table only the legs. Bit b of a cell covers the h
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,8 +13,8 @@ from readygo.common.arrays import BoolArray, UInt32Array
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps.grid import FloorMap, GridFrame, OccupancyMap
-from readygo.common.maps.occupancy import OPACITY_MIN, VOXELS_PER_BAND, MapConfig
-from readygo.common.maps.voxels import opacity_sums
+from readygo.common.maps.occupancy import MapConfig, above_floor
+from readygo.common.maps.voxels import occupied_bands
 
 BOTTOM_M, TOP_M = 0.4, 1.9
 """Heights above the floor that sight is known for [m]; higher ones are clear; for lower ones see `is_clear`."""
@@ -76,20 +76,11 @@ def sight_of_cloud(
     cell_m = frame.resolution_m
     layers = math.ceil((TOP_M - BOTTOM_M) / cell_m - 1e-6)
     per_bit = math.ceil(layers / BITS)
-    z = cloud.means_m[:, 2] - floor.at_many(cloud.means_m[:, :2].astype(np.float64)).astype(np.float32)
-    y, reach = cloud.means_m[:, 1], cloud.scales_m.max(axis=1)
-    solid = (z + reach > BOTTOM_M) & (z - reach < BOTTOM_M + layers * cell_m) & (cloud.opacities >= OPACITY_MIN)
-    raised = replace(cloud, means_m=np.column_stack([cloud.means_m[:, :2], z]))
+    above = above_floor(cloud, floor)
     opaque = np.zeros(shape, np.uint32)
-    rows_per_band = max(1, VOXELS_PER_BAND // (layers * shape[1]))
-    for row in range(0, shape[0], rows_per_band):
-        rows = min(rows_per_band, shape[0] - row)
-        low_m = frame.origin_y_m + row * cell_m
-        here = raised.select(solid & (y + reach > low_m) & (y - reach < low_m + rows * cell_m))
-        sums = opacity_sums(here, replace(frame, origin_y_m=low_m), BOTTOM_M, (layers, rows, shape[1]))
+    for rows, occupied in occupied_bands(above, frame, BOTTOM_M, (layers, *shape), config.opacity_threshold):
         for layer in range(layers):
-            bit = np.uint32(1 << (layer // per_bit))
-            opaque[row : row + rows] |= np.where(sums[layer] > config.opacity_threshold, bit, np.uint32(0))
+            opaque[rows] |= np.where(occupied[layer], np.uint32(1 << (layer // per_bit)), np.uint32(0))
     return SightMap(frame=frame, opaque=opaque, layer_m=per_bit * cell_m)
 
 

@@ -5,10 +5,12 @@ voxel is tested on its own and the result is exact.
 """
 
 import math
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
-from readygo.common.arrays import Float32Array
+from readygo.common.arrays import BoolArray, Float32Array
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.covariance import covariance_of
 from readygo.common.kernels import kernel_with_cache
@@ -16,6 +18,10 @@ from readygo.common.maps.grid import GridFrame
 
 SCALE_MIN_M = 1e-4
 """Thinner Gaussians count as this thick; keeps their covariance invertible."""
+OPACITY_MIN = 0.2
+"""Fainter Gaussians are haze and occupy nothing."""
+VOXELS_PER_BAND = 16_000_000
+"""Largest number of voxels held at a time."""
 
 _EMPTY = -1e300
 _STEEP = 1e300
@@ -142,3 +148,31 @@ def opacity_sums(cloud: GaussianCloud, frame: GridFrame, bottom_m: float, shape:
         cloud.means_m, cloud.quats_wxyz, cloud.scales_m, cloud.opacities, origin, float(frame.resolution_m), sums
     )
     return sums
+
+
+def occupied_bands(
+    cloud: GaussianCloud, frame: GridFrame, bottom_m: float, shape: tuple[int, int, int], threshold: float
+) -> Iterator[tuple[slice, BoolArray]]:
+    """The voxels that a cloud occupies, in bands of rows that fit into memory.
+
+    Args:
+        cloud: Gaussians.
+        frame: Places rows (y) and columns (x); its resolution is the edge of the cubic voxels.
+        bottom_m: World z of the lowest layer's lower face [m].
+        shape: Layers, rows, columns.
+        threshold: A voxel is occupied if the opacities of the Gaussians that touch it sum up to more than this.
+
+    Yields:
+        Rows of a band, and its occupied voxels, shape (layers, rows of the band, columns).
+    """
+    layers, count, columns = shape
+    cell_m, reach = frame.resolution_m, cloud.scales_m.max(axis=1)
+    z, y = cloud.means_m[:, 2], cloud.means_m[:, 1]
+    solid = (z + reach > bottom_m) & (z - reach < bottom_m + layers * cell_m) & (cloud.opacities >= OPACITY_MIN)
+    rows_per_band = max(1, VOXELS_PER_BAND // (layers * columns))
+    for row in range(0, count, rows_per_band):
+        rows = min(rows_per_band, count - row)
+        low_m = frame.origin_y_m + row * cell_m
+        here = cloud.select(solid & (y + reach > low_m) & (y - reach < low_m + rows * cell_m))
+        sums = opacity_sums(here, replace(frame, origin_y_m=low_m), bottom_m, (layers, rows, columns))
+        yield slice(row, row + rows), sums > threshold

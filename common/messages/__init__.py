@@ -57,7 +57,6 @@ from readygo.common.messages.samples import (
     AppendStatus,
     EpisodeHeader,
     FurtherCamera,
-    HumanLabels,
     Sample,
     sample_crc32,
 )
@@ -102,7 +101,6 @@ __all__ = [
     "ExpectRequest",
     "FileRef",
     "GrantRequest",
-    "HumanLabels",
     "HumanMotion",
     "HumanPlanReply",
     "HumanPlanRequest",

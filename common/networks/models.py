@@ -1,7 +1,6 @@
 """The three networks: images of the last second or so and an image of the goal to waypoints."""
 
 import itertools
-from typing import Protocol
 
 import torch
 from torch import nn
@@ -19,26 +18,11 @@ NOMAD_LOW, NOMAD_HIGH = (-2.5, -4.0), (5.0, 4.0)
 """Range that NoMaD's steps are normalised by."""
 
 
-class NavigationNetwork(Protocol):
-    """What drives: the latest images, oldest first, and the goal's image."""
-
-    frames: int
-    """Images that it looks at, 0.25 s apart, the present one included."""
-    width_px: int
-    height_px: int
-
-    def waypoints(self, images: torch.Tensor, goal: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
-        """Images (B, frames, 3, H, W) and goals (B, 3, H, W) to places ahead, x forward and y left, (B, T, 2 or 4).
-
-        The unit is the way of 0.25 s at full speed; the last two of four values are the cosine and sine of the heading.
-        """
-        ...
-
-
 class Gnm(nn.Module):
     """GNM, general navigation model: predicts waypoints and distance from images and the goal's image."""
 
     frames, width_px, height_px = 6, 85, 64
+    """Images that it looks at, oldest first and 0.25 s apart, the present one included; their size."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -52,7 +36,7 @@ class Gnm(nn.Module):
         _lay_out(self)
 
     def predict(self, images: torch.Tensor, goal: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Distances to the goal, in looks (B,), and places (B, 5, 4), see `NavigationNetwork.waypoints`."""
+        """Distances to the goal, in looks (B,), and places (B, 5, 4), see `waypoints`."""
         stacked = images.flatten(1, 2)
         seen = self.compress_observation(self.obs_mobilenet(stacked).mean(dim=(2, 3)))
         wanted = self.goal_mobilenet(torch.cat([stacked, goal], dim=1)).mean(dim=(2, 3))
@@ -60,7 +44,10 @@ class Gnm(nn.Module):
         return self.dist_predictor(features)[:, 0], _sum_steps(self.action_predictor(features))
 
     def waypoints(self, images: torch.Tensor, goal: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
-        """Waypoints ahead: x forward, y left, in units of 0.25 s at full speed, and heading, shape (B, 5, 4)."""
+        """Images (B, frames, 3, H, W) and goals (B, 3, H, W) to places ahead, x forward and y left, (B, 5, 4).
+
+        The unit is the way of 0.25 s at full speed; the last two of four values are the cosine and sine of the heading.
+        """
         return self.predict(images, goal)[1]
 
 

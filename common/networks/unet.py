@@ -118,7 +118,8 @@ class Ddpm:
     Source: Ho et al., Denoising diffusion probabilistic models, 2020; Nichol & Dhariwal, 2021, for the schedule.
     """
 
-    def __init__(self, steps: int = 10) -> None:
+    def __init__(self) -> None:
+        steps = 10
         level = [math.cos((k / steps + 0.008) / 1.008 * math.pi / 2) ** 2 for k in range(steps + 1)]
         self.betas = torch.tensor([min(1 - after / before, 0.999) for before, after in itertools.pairwise(level)])
         self.kept = torch.cumprod(1 - self.betas, dim=0)

@@ -12,14 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from readygo.common.config import section_from_mapping, section_to_mapping
-from readygo.common.documents import read_toml, write_toml
+from readygo.common.documents import read_tagged, write_toml
 from readygo.common.errors import ConfigError, PolicyError
 from readygo.common.robot import RobotConfig
 
 PERCEPTION_FORMAT = "readygo-perception/1"
 SPEC_FILE, GRAPH_FILE, WEIGHTS_FILE = "perception.toml", "perception.onnx", "weights.safetensors"
-FILES = (GRAPH_FILE, SPEC_FILE)
-"""Names of all that perception is loaded from."""
 FRAMES = 3
 """Images that are seen together."""
 
@@ -57,18 +55,13 @@ def load_perception_spec(folder: Path) -> PerceptionSpec:
         PolicyError: If the file is missing, broken, or of another format.
     """
     path = folder / SPEC_FILE
-    try:
-        mapping = read_toml(path)
-    except OSError as error:
-        raise PolicyError(
-            f"{folder} holds no {SPEC_FILE}; give the folder that `readygo train --recipe perception --out` wrote."
-        ) from error
-    except ValueError as error:
-        raise PolicyError(f"{path} is no TOML file: {error}; train it again.") from error
-    if mapping.get("format") != PERCEPTION_FORMAT:
-        raise PolicyError(
-            f"{path} has format {mapping.get('format')!r}, this version reads {PERCEPTION_FORMAT!r}; train it again."
-        )
+    mapping = read_tagged(
+        path,
+        PERCEPTION_FORMAT,
+        raises=PolicyError,
+        missing="give the folder that `readygo train --recipe perception --out` wrote",
+        remedy="train it again",
+    )
     try:
         return PerceptionSpec(
             robot=section_from_mapping(RobotConfig, mapping["robot"], where="robot."),

@@ -18,6 +18,8 @@ SIGMAS = 2.0
 """Size of a covariance ellipse, in standard deviations."""
 AHEAD_S = 1.0
 """Time that a velocity's arrow reaches [s]."""
+LIFT_M = 0.05
+"""Height above the floor at which viewers show what is perceived [m]."""
 _ELLIPSE_CORNERS = 40
 
 
@@ -87,19 +89,19 @@ def tracked_person(track: Track) -> LivePerson:
     )
 
 
-def covariance_ellipse(person: LivePerson, sigmas: float = SIGMAS) -> Float64Array:
+def covariance_ellipse(person: LivePerson) -> Float64Array:
     """Outline of the covariance of a human's place [m], closed, shape (N, 2)."""
     xx, xy, yy = person.place_cov_m2
     values, axes = np.linalg.eigh(np.array([[xx, xy], [xy, yy]]))
     turns = np.linspace(0.0, 2.0 * np.pi, _ELLIPSE_CORNERS + 1)
     circle = np.stack([np.cos(turns), np.sin(turns)], axis=1)
-    outline: Float64Array = np.array(person.xy_m) + (sigmas * circle * np.sqrt(np.maximum(values, 0.0))) @ axes.T
+    outline: Float64Array = np.array(person.xy_m) + (SIGMAS * circle * np.sqrt(np.maximum(values, 0.0))) @ axes.T
     return outline
 
 
-def place_ahead(person: LivePerson, time_s: float = AHEAD_S) -> tuple[float, float]:
-    """Where a human will be by its velocity [m]."""
-    return person.xy_m[0] + time_s * person.v_mps[0], person.xy_m[1] + time_s * person.v_mps[1]
+def place_ahead(person: LivePerson) -> tuple[float, float]:
+    """Where a human will be after `AHEAD_S` by its velocity [m]."""
+    return person.xy_m[0] + AHEAD_S * person.v_mps[0], person.xy_m[1] + AHEAD_S * person.v_mps[1]
 
 
 def free_points(perception: LivePerception, camera: CameraConfig) -> Float64Array:

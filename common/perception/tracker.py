@@ -80,7 +80,6 @@ class PeopleTracker:
         frame: GridFrame | None,
         *,
         memory_s: float = MEMORY_S,
-        noise: float = kalman.ACCELERATION_NOISE,
         velocities: bool = False,
     ) -> None:
         """Begin.
@@ -89,13 +88,12 @@ class PeopleTracker:
             clearance_m: Distance to what blocks humans [m], shape (H, W); None where no map is known.
             frame: Where its cells lie.
             memory_s: Tracks end when they were not detected for longer [s]; unconfirmed ones sooner.
-            noise: Spectral density of humans' acceleration [m2/s3].
             velocities: True to fuse the velocities that looks tell; else velocities follow from places alone, which is
                 better where the errors of what is told hang together over time, as a network's do
                 (`docs/results/among_people.md`).
         """
         self._clearance, self._frame = clearance_m, frame
-        self._memory_s, self._noise, self._velocities = memory_s, noise, velocities
+        self._memory_s, self._velocities = memory_s, velocities
         self._next = 0
         self.tracks: list[Track] = []
         """All tracks, also those that are not told yet."""
@@ -108,7 +106,7 @@ class PeopleTracker:
     def predict(self, dt_s: float) -> None:
         """Let a step pass [s]."""
         for track in self.tracks:
-            self._move(track, dt_s, self._noise)
+            self._move(track, dt_s, kalman.ACCELERATION_NOISE)
             track.age_s += dt_s
         self.tracks = [track for track in self.tracks if track.age_s <= self._lasts_s(track) + 1e-6]
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from readygo.common.camera import SensorConfig
 from readygo.common.config import section_from_mapping, section_to_mapping
-from readygo.common.documents import read_toml, write_toml
+from readygo.common.documents import read_tagged, write_toml
 from readygo.common.errors import ConfigError, PolicyError
 from readygo.common.policy.graph import GRAPH_FILE, Given, GraphSpec
 from readygo.common.policy.sight import check_cameras
@@ -81,20 +81,15 @@ def load_spec(folder: Path) -> PolicySpec:
         PolicyError: If the file is missing, broken, or of another format.
     """
     path = folder / SPEC_FILE
-    try:
-        mapping = read_toml(path)
-    except OSError as error:
-        raise PolicyError(
-            f"{folder} holds no {SPEC_FILE}; give the folder that `readygo train --out` wrote."
-        ) from error
-    except ValueError as error:
-        raise PolicyError(f"{path} is no TOML file: {error}; export the policy again.") from error
-    if mapping.get("format") != POLICY_FORMAT:
-        raise PolicyError(
-            f"{path} has format {mapping.get('format')!r}, this version reads {POLICY_FORMAT!r}; run the "
-            "`readygo train` command that wrote it again, which exports it from its checkpoint, or train it again. For "
-            "a graph of your own, write policy.toml as `readygo.common.policy.graph` shows."
-        )
+    mapping = read_tagged(
+        path,
+        POLICY_FORMAT,
+        raises=PolicyError,
+        missing="give the folder that `readygo train --out` wrote",
+        remedy="export the policy again",
+        old="run the `readygo train` command that wrote it again, which exports it from its checkpoint, or train it "
+        "again. For a graph of your own, write policy.toml as `readygo.common.policy.graph` shows",
+    )
     try:
         return PolicySpec(
             robot=section_from_mapping(RobotConfig, mapping["robot"], where="robot."),

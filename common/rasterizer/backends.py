@@ -14,14 +14,10 @@ from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.gpu.availability import require_kernels
 from readygo.common.rasterizer.interface import PinholeCamera, Rasterizer
 from readygo.common.rasterizer.lod.avatar import AvatarTree
-from readygo.common.rasterizer.lod.files import (
-    is_being_made,
-    load_or_build_avatar_tree,
-    load_or_build_tree,
-    load_or_pack_avatar,
-)
+from readygo.common.rasterizer.lod.files import load_or_build_avatar_tree, load_or_build_tree, load_or_pack_avatar
 from readygo.common.rasterizer.lod.tree import ChunkTree
 from readygo.common.rasterizer.packed.avatar import PackedAvatar
+from readygo.common.rasterizer.packed.cache import is_being_made
 from readygo.common.rasterizer.packed.scene import PackedScene, load_or_pack
 from readygo.common.rasterizer.reference import ReferenceRasterizer
 from readygo.common.rasterizer.warm import warm

@@ -27,6 +27,14 @@ from readygo.common.rasterizer.constants import (
 from readygo.common.rasterizer.interface import PinholeCamera, PosedHuman, View, checked_outputs, lead_terms
 from readygo.common.rasterizer.packed.avatar import avatar_normals
 
+_NOTHING = GaussianCloud(
+    means_m=np.zeros((0, 3), np.float32),
+    quats_wxyz=np.zeros((0, 4), np.float32),
+    scales_m=np.zeros((0, 3), np.float32),
+    opacities=np.zeros(0, np.float32),
+    sh=np.zeros((0, 1, 3), np.float32),
+)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReferenceImages:
@@ -76,7 +84,7 @@ class ReferenceRasterizer:
     views_at_once = 1
 
     def __init__(self, clouds: Sequence[GaussianCloud], avatars: Mapping[str, Avatar], camera: PinholeCamera) -> None:
-        self._clouds, self._avatars, self._camera = list(clouds), avatars, camera
+        self._clouds, self._avatars, self._camera = list(clouds) or [_NOTHING], avatars, camera
 
     def render(self, views: Sequence[View], outputs: Sequence[str] = ("rgb",)) -> Images:
         """The images of views; see `Rasterizer.render`."""

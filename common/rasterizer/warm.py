@@ -68,7 +68,6 @@ def _draw_something(outputs: Sequence[str]) -> None:
     view = View(T_world_camera=np.eye(4), humans=(human,))
     rasterizer = CpuRasterizer(scene, {"warm": avatar}, K_px, *size)
     rasterizer.render([view])
-    rasterizer.render_float(view)
     rasterizer.render([view], outputs)
     skip, pixel_m = np.ones(1, dtype=np.int64), np.zeros(1)
     tree = ChunkTree(scene=scene, skip=skip, pixel_m=pixel_m)

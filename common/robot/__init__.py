@@ -4,6 +4,5 @@ from readygo.common.camera import CameraConfig
 from readygo.common.robot.clock import Clock
 from readygo.common.robot.config import RobotConfig, load_robot
 from readygo.common.robot.kinematics import limit_command, step_unicycle
-from readygo.common.robot.ranges import RobotRanges
 
-__all__ = ["CameraConfig", "Clock", "RobotConfig", "RobotRanges", "limit_command", "load_robot", "step_unicycle"]
+__all__ = ["CameraConfig", "Clock", "RobotConfig", "limit_command", "load_robot", "step_unicycle"]

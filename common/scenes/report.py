@@ -68,9 +68,7 @@ def _floor_figures(floor: FloorMap, free: BoolArray, occupancy: OccupancyMap) ->
     rows, columns = np.nonzero(free)
     if len(rows) < 3:
         return {"low_m": 0.0, "high_m": 0.0, "tilt_deg": 0.0, "roughness_m": 0.0}
-    frame = occupancy.frame
-    x = frame.origin_x_m + (columns + 0.5) * frame.resolution_m
-    y = frame.origin_y_m + (rows + 0.5) * frame.resolution_m
+    x, y = occupancy.frame.centre_m(rows, columns)
     z = floor.at_many(np.stack([x, y], axis=1))
     plane = np.stack([x - x.mean(), y - y.mean(), np.ones_like(x)], axis=1)
     (slope_x, slope_y, _), *_ = np.linalg.lstsq(plane, z, rcond=None)

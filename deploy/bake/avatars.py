@@ -20,7 +20,8 @@ from avatars_people import PEOPLE, Person
 from avatars_shoes import SOLE_M
 from avatars_surface import NORMAL_SIGMA, TANGENT_SIGMA, Samples, Surface, joined, surface_of, unit, visibility
 
-from readygo.common.avatars import SMPL_PARENTS, Avatar, save_avatar
+from readygo.common.avatars import Avatar, save_avatar
+from readygo.common.avatars.importers.joints import tpose_joints
 from readygo.common.frames import quat_from_matrix
 from readygo.common.gaussians import GaussianCloud, sh_of_rgb
 
@@ -193,15 +194,6 @@ def _minimal_rotation(first: Array, second: Array) -> Array:
     axis = np.cross(first, second)
     K = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
     return np.eye(3) + K + K @ K / (1 + first @ second)
-
-
-def tpose_joints(joints: Array, R: Array) -> Array:
-    """Joints after each bone has turned with its joint, shape (24, 3)."""
-    placed = joints.copy()
-    for joint in range(1, 24):
-        parent = int(SMPL_PARENTS[joint])
-        placed[joint] = placed[parent] + R[parent] @ (joints[joint] - joints[parent])
-    return placed
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ per step, so that repeating the previous one has next to no error.
 """
 
 import argparse
+import itertools
 import json
 import math
 import sys
@@ -35,18 +36,15 @@ from readygo.common.frames import goal_in_robot_frame
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps import OccupancyMap
 from readygo.common.messages import (
-    AnimateRequest,
-    EpisodeKey,
     EpisodeMotions,
-    HumanPlanRequest,
     Outcome,
     RobotPlanRequest,
     RobotTrajectory,
     Scenario,
     Split,
 )
-from readygo.services.animator import handle_animate
-from readygo.services.planner import handle_human_plan, handle_robot_plan
+from readygo.runs.scenarios import accepted_scenarios
+from readygo.services.planner import handle_robot_plan
 from readygo.services.planner.expert.perception import in_view
 
 RAYS = 32
@@ -165,14 +163,10 @@ def successful_runs(
 ) -> tuple[list[tuple[Scenario, EpisodeMotions, RobotTrajectory]], int]:
     """The first `count` runs of an expert that succeed, as a dataset holds, and the number of those that failed."""
     runs: list[tuple[Scenario, EpisodeMotions, RobotTrajectory]] = []
-    failed = index = 0
+    failed = 0
+    drawn = accepted_scenarios(course.human_planner, course.animator, course.job.seed, Split.TRAIN, itertools.count())
     while len(runs) < count:
-        key = EpisodeKey(seed=course.job.seed, split=Split.TRAIN, index=index)
-        index += 1
-        scenario = handle_human_plan(course.human_planner, HumanPlanRequest(episode=key)).scenario
-        motions = scenario and handle_animate(course.animator, AnimateRequest(scenario=scenario)).motions
-        if scenario is None or motions is None:
-            continue
+        scenario, motions = next(drawn)
         run = handle_robot_plan(
             course.robot_planners[mode], RobotPlanRequest(scenario=scenario, motions=motions)
         ).trajectory

@@ -37,10 +37,7 @@ from readygo.common.episode.loop import Command, DriverFailure, Observer
 from readygo.common.episode.metrics import wilson_interval
 from readygo.common.frames import goal_in_robot_frame
 from readygo.common.messages import (
-    AnimateRequest,
-    EpisodeKey,
     EpisodeMotions,
-    HumanPlanRequest,
     Outcome,
     RobotTrajectory,
     Scenario,
@@ -50,12 +47,12 @@ from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import COMMAND_COUNT
 from readygo.common.robot.kinematics import DT_S
 from readygo.runs.config import RunConfig
+from readygo.runs.scenarios import accepted_scenarios
 from readygo.runs.scene_argument import open_scene
 from readygo.runs.spec import make_spec
 from readygo.runs.world import World
-from readygo.services.animator import handle_animate
 from readygo.services.driver import EpisodeDrive, RiskMap, drive
-from readygo.services.planner import Expert, handle_human_plan
+from readygo.services.planner import Expert
 from readygo.services.trainer import best_recipe
 from readygo.services.trainer.config import NetworkConfig
 from readygo.services.trainer.model import CAUTION, bins_of, weigh
@@ -97,12 +94,7 @@ class Course:
 
     def episodes(self, split: Split) -> Iterator[Episode]:
         """The episodes of a split that can be played, in order, without end."""
-        for index in itertools.count():
-            key = EpisodeKey(seed=self._seed, split=split, index=index)
-            scenario = handle_human_plan(self._humans, HumanPlanRequest(episode=key)).scenario
-            motions = scenario and handle_animate(self._animator, AnimateRequest(scenario=scenario)).motions
-            if scenario is not None and motions is not None:
-                yield scenario, motions
+        return accepted_scenarios(self._humans, self._animator, self._seed, split, itertools.count())
 
 
 class Senses(Observer):

@@ -19,7 +19,7 @@ from readygo.common.errors import PolicyError
 from readygo.services.trainer import best_recipe
 from readygo.services.trainer.checkpoint import load_checkpoint
 from readygo.services.trainer.config import TrainConfig
-from readygo.services.trainer.episodes import SampleSource, read_episodes, robot_of_source
+from readygo.services.trainer.episodes import read_episodes, robot_of_source
 from readygo.services.trainer.learner import Learner
 from readygo.services.trainer.outcome import FINAL_SAMPLES
 from readygo.services.trainer.parts import EpisodePart
@@ -29,7 +29,7 @@ from readygo.services.trainer.train import training_threads
 from readygo.services.trainer.validation import error_metrics, predict, validation_loss
 
 
-def errors(source: SampleSource, policies: Sequence[Path], config: TrainConfig) -> list[dict[str, Any]]:
+def errors(source: Dataset, policies: Sequence[Path], config: TrainConfig) -> list[dict[str, Any]]:
     """Errors of each policy on the same samples.
 
     Raises:

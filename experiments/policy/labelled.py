@@ -16,17 +16,16 @@ from typing import Any
 
 import torch
 
-from readygo.common.messages import AnimateRequest, EpisodeKey, HumanPlanRequest, Split
+from readygo.common.messages import Split
 from readygo.common.policy import Policy, PolicySpec, load_policy
 from readygo.common.policy.driver import PolicyDriver
 from readygo.common.robot import RobotConfig
 from readygo.runs.config import RunConfig
+from readygo.runs.scenarios import accepted_scenarios
 from readygo.runs.scene_argument import open_scene
 from readygo.runs.spec import make_spec
 from readygo.runs.world import World
-from readygo.services.animator import handle_animate
 from readygo.services.driver import RiskMap, drive
-from readygo.services.planner import handle_human_plan
 from readygo.services.renderer import LiveCamera
 from readygo.services.trainer.config import NetworkConfig
 from readygo.services.trainer.export import export_policy
@@ -67,12 +66,9 @@ def measure(world: World, policy: Policy, episodes: int) -> dict[str, Any]:
     humans, animator, renderer, planner = world.human_planner(), world.animator(), world.renderer(), world.robot_planner
     clock, samples, driven, weigher = Clock(), 0, -1, RiskMap(planner.maps.robot)
     clock.watch("risks", weigher, "risks")
-    for index in itertools.count():
-        key = EpisodeKey(seed=world.spec.seed, split=world.spec.split, index=index)
-        scenario = handle_human_plan(humans, HumanPlanRequest(episode=key, static=world.spec.static)).scenario
-        motions = handle_animate(animator, AnimateRequest(scenario=scenario)).motions if scenario else None
-        if scenario is None or motions is None:
-            continue
+    for scenario, motions in accepted_scenarios(
+        humans, animator, world.spec.seed, world.spec.split, itertools.count(), static=world.spec.static
+    ):
         simulation, expert = planner.simulation(scenario, motions), planner.expert(scenario, motions)
         camera = LiveCamera(renderer)
         driver = PolicyDriver(policy, camera, simulation.clock.control_every)

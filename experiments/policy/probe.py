@@ -31,7 +31,7 @@ from readygo.common.errors import ConfigError, DatasetError, ReadygoError
 from readygo.common.robot.command_grid import COMMAND_COUNT, HUMAN, OBSTACLE, UNKNOWN_RISK
 from readygo.runs.training import make_config
 from readygo.services.trainer import TrainConfig
-from readygo.services.trainer.episodes import SampleSource, robot_of_source
+from readygo.services.trainer.episodes import robot_of_source
 from readygo.services.trainer.parts import build_parts
 from readygo.services.trainer.run import TrainRun
 from readygo.services.trainer.samples import spread_samples
@@ -139,7 +139,7 @@ def scores_of(run: TrainRun) -> dict[str, Any]:
     }
 
 
-def probe(source: SampleSource, config: TrainConfig) -> dict[str, Any]:
+def probe(source: Dataset, config: TrainConfig) -> dict[str, Any]:
     """Train on most of the episodes, and score on the others."""
     with tempfile.TemporaryDirectory() as folder, training_threads(config):
         parts = build_parts(source, None, config)

@@ -29,7 +29,7 @@ from readygo.common.scenes.filmed import FILMED_MIN
 from readygo.services.reconstructor import umeyama
 from readygo.services.reconstructor.frames.masks import prepare_masks
 from readygo.services.reconstructor.job import FRAMES, MAP, POSED
-from readygo.services.reconstructor.poses import colmap
+from readygo.services.reconstructor.poses import undistortion
 from readygo.services.reconstructor.reconstruct import CLOUD_FILE, GAUSSIANS
 from readygo.services.reconstructor.training.parameters import Gaussians
 from readygo.services.reconstructor.training.photos import PhotoStore, Posed, open_posed, split_views
@@ -63,7 +63,7 @@ def true_masks(work: Path, masks: Path, scratch: Path) -> Path:
     prepare_masks(masks, work / FRAMES, found["names"], {}, scratch / "used")
     (scratch / "sparse").symlink_to((work / POSED / "sparse").resolve())
     model = read_json(work / MAP / "stage.json")["found"]["model"]
-    colmap.write_undistorted_masks(work / MAP / model, scratch / "used", scratch)
+    undistortion.write_undistorted_masks(work / MAP / model, scratch / "used", scratch)
     return scratch / "masks"
 
 

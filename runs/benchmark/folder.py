@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from readygo.common.config import section_from_mapping, section_to_mapping
-from readygo.common.documents import read_json
+from readygo.common.documents import read_json, write_json
 from readygo.common.errors import ConfigError, RunError, cause
 from readygo.common.files import read_regular, write_whole
 from readygo.runs.benchmark.inputs import DriverInputs
@@ -121,7 +121,7 @@ def write_manifest(
         scores=scores_by_cell(suite, cells),
     )
     write_whole(folder / SUITE_FILE, suite.text, raises=RunError)
-    write_whole(folder / MANIFEST_FILE, json.dumps(section_to_mapping(manifest), indent=2) + "\n", raises=RunError)
+    write_json(folder / MANIFEST_FILE, section_to_mapping(manifest), raises=RunError)
     return manifest
 
 

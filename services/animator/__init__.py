@@ -6,9 +6,7 @@ from readygo.common.lazy import lazy_names
 
 if TYPE_CHECKING:
     from readygo.services.animator.config import AnimatorConfig as AnimatorConfig
-    from readygo.services.animator.gait.human import GaitSkeleton as GaitSkeleton
     from readygo.services.animator.gait.human import skeleton_of as skeleton_of
-    from readygo.services.animator.gait.quality import MotionQuality as MotionQuality
     from readygo.services.animator.gait.quality import measure as measure
     from readygo.services.animator.gait.walk import walk as walk
     from readygo.services.animator.handlers import Animator as Animator
@@ -20,14 +18,8 @@ if TYPE_CHECKING:
 else:
     _NAMES = {
         ".config": ("AnimatorConfig",),
-        ".gait.human": (
-            "GaitSkeleton",
-            "skeleton_of",
-        ),
-        ".gait.quality": (
-            "MotionQuality",
-            "measure",
-        ),
+        ".gait.human": ("skeleton_of",),
+        ".gait.quality": ("measure",),
         ".gait.walk": ("walk",),
         ".handlers": (
             "Animator",

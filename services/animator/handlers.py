@@ -49,7 +49,7 @@ class Animator:
         """
         self.floor = floor
         self.obstacles = obstacles
-        self.config, self.rate_hz = config, rate_hz
+        self.rate_hz = rate_hz
         self.skeletons = {name: skeleton_of(avatar) for name, avatar in avatars.items()}
         self.move = _motion_source(config)
 
@@ -79,8 +79,7 @@ def check_free(obstacles: OccupancyMap, xy_m: Float64Array) -> None:
     ends = np.concatenate([xy_m[1:], xy_m[-1:]])
     shares = (np.arange(parts) / parts)[None, :, None]
     points = (xy_m[:, None] + shares * (ends - xy_m)[:, None]).reshape(-1, 2)
-    column = np.floor((points[:, 0] - frame.origin_x_m) / frame.resolution_m).astype(np.int64)
-    row = np.floor((points[:, 1] - frame.origin_y_m) / frame.resolution_m).astype(np.int64)
+    row, column = frame.cells(points)
     inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
     blocked = ~inside | obstacles.occupied[row.clip(0, height - 1), column.clip(0, width - 1)]
     if blocked.any():

@@ -11,11 +11,9 @@ if TYPE_CHECKING:
     from readygo.services.coordinator.handlers import handle_fleet as handle_fleet
     from readygo.services.coordinator.handlers import handle_status as handle_status
     from readygo.services.coordinator.ledger import Ledger as Ledger
-    from readygo.services.coordinator.protocol import Holder as Holder
     from readygo.services.coordinator.protocol import Written as Written
     from readygo.services.coordinator.service import attach as attach
     from readygo.services.coordinator.service import tick as tick
-    from readygo.services.coordinator.upkeep import requeue_lost as requeue_lost
 else:
     _NAMES = {
         ".blobs": ("BlobStore",),
@@ -26,15 +24,11 @@ else:
             "handle_status",
         ),
         ".ledger": ("Ledger",),
-        ".protocol": (
-            "Holder",
-            "Written",
-        ),
+        ".protocol": ("Written",),
         ".service": (
             "attach",
             "tick",
         ),
-        ".upkeep": ("requeue_lost",),
     }
     __all__ = [name for names in _NAMES.values() for name in names]
     __getattr__ = lazy_names(__name__, _NAMES)

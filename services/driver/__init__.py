@@ -8,11 +8,7 @@ if TYPE_CHECKING:
     from readygo.services.driver.config import DriverConfig as DriverConfig
     from readygo.services.driver.disturbance import Disturbance as Disturbance
     from readygo.services.driver.disturbance import disturbs as disturbs
-    from readygo.services.driver.handlers import AHEAD_S as AHEAD_S
-    from readygo.services.driver.handlers import Advice as Advice
     from readygo.services.driver.handlers import EpisodeDrive as EpisodeDrive
-    from readygo.services.driver.handlers import LabellingExpert as LabellingExpert
-    from readygo.services.driver.handlers import Weigher as Weigher
     from readygo.services.driver.handlers import drive as drive
     from readygo.services.driver.handlers import driver_of as driver_of
     from readygo.services.driver.risks import RiskMap as RiskMap
@@ -25,11 +21,7 @@ else:
             "disturbs",
         ),
         ".handlers": (
-            "AHEAD_S",
-            "Advice",
             "EpisodeDrive",
-            "LabellingExpert",
-            "Weigher",
             "drive",
             "driver_of",
         ),

@@ -13,6 +13,7 @@ from readygo.common.messages import DriverKind as DriverName
 from readygo.common.messages import EpisodeKey, RobotTrajectory
 from readygo.common.robot import limit_command
 from readygo.services.driver.disturbance import Disturbance
+from readygo.services.driver.risks import RiskMap
 
 AHEAD_S = 1.0
 """How far ahead the expert's commands are recorded beyond the one of now [s]."""
@@ -61,14 +62,6 @@ class LabellingExpert(Protocol):
         ...
 
 
-class Weigher(Protocol):
-    """Says what would become of the robot under each command of a grid, see `Sample.risks`."""
-
-    def risks(self, simulation: EpisodeSimulation) -> bytes:
-        """Risks at the simulation's present state, one byte per command."""
-        ...
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EpisodeDrive:
     """One episode, driven."""
@@ -89,7 +82,7 @@ def driver_of(episode: EpisodeKey, mix: float) -> DriverName:
 def drive(
     simulation: EpisodeSimulation,
     expert: LabellingExpert,
-    weigher: Weigher,
+    weigher: RiskMap,
     driver: Driver[Any] | None = None,
     disturbance: Disturbance | None = None,
     *,
@@ -123,7 +116,7 @@ def drive(
 class ExpertLabels(Observer):
     """What the expert would do at the states of an episode, and what every other command would lead to."""
 
-    def __init__(self, expert: LabellingExpert, weigher: Weigher, image_every: int, *, drives: bool) -> None:
+    def __init__(self, expert: LabellingExpert, weigher: RiskMap, image_every: int, *, drives: bool) -> None:
         """Prepare an episode.
 
         Args:

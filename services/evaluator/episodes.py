@@ -2,6 +2,7 @@
 
 import dataclasses
 import enum
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -79,21 +80,25 @@ class EpisodeSource:
             SceneError: If the planner rejects scenario after scenario.
         """
         episodes: list[MatchedEpisode] = []
-        accepted = skipped = skipped_in_a_row = 0
-        for key in _keys(seed, split):
-            if accepted == count:
-                break
-            dynamic, reason = self.among_humans(key)
-            if dynamic is None:
-                skipped, skipped_in_a_row = skipped + 1, skipped_in_a_row + 1
-                if skipped_in_a_row == REJECTED_MAX:
-                    raise SceneError(
-                        f"The last {skipped_in_a_row} scenarios were rejected ({reason}); look at the maps."
-                    )
-                continue
-            accepted, skipped_in_a_row = accepted + 1, 0
+        skipped, keys = 0, (EpisodeKey(seed=seed, split=split, index=index) for index in itertools.count())
+        for _ in range(count):
+            dynamic, rejected = self.next_accepted(keys)
+            skipped += rejected
             episodes += [as_task(dynamic, task) for task in tasks]
         return episodes, skipped
+
+    def next_accepted(self, keys: Iterator[EpisodeKey]) -> tuple[MatchedEpisode, int]:
+        """The dynamic episode of the first key whose scenario is accepted, and the number of those rejected before it.
+
+        Raises:
+            SceneError: If the planner rejects scenario after scenario.
+        """
+        reason = ""
+        for rejected, key in enumerate(itertools.islice(keys, REJECTED_MAX)):
+            episode, reason = self.among_humans(key)
+            if episode is not None:
+                return episode, rejected
+        raise SceneError(f"The last {REJECTED_MAX} scenarios were rejected ({reason}); look at the maps.")
 
     def among_humans(self, key: EpisodeKey) -> tuple[MatchedEpisode | None, str]:
         """The dynamic episode of a key; or None, and why it was rejected."""
@@ -130,10 +135,3 @@ def as_task(dynamic: MatchedEpisode, task: Task) -> MatchedEpisode:
         return dataclasses.replace(dynamic, task=task)
     scenario = dataclasses.replace(dynamic.scenario, humans=())
     return dataclasses.replace(dynamic, task=task, scenario=scenario, motions=EpisodeMotions(humans=()))
-
-
-def _keys(seed: int, split: Split) -> Iterator[EpisodeKey]:
-    index = 0
-    while True:
-        yield EpisodeKey(seed=seed, split=split, index=index)
-        index += 1

@@ -11,9 +11,8 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from readygo.common.arrays import Float64Array
-from readygo.common.documents import parse_json, read_json
-from readygo.common.errors import RunError, cause
-from readygo.common.files import write_whole
+from readygo.common.documents import parse_json, read_json, write_json
+from readygo.common.errors import ReadygoError, RunError, cause
 from readygo.common.messages import RobotTrajectory
 from readygo.services.evaluator.records import EpisodeRecord, RecordKey, record_of_mapping
 
@@ -105,7 +104,7 @@ class Results:
         Raises:
             ReadygoError: If it cannot be written.
         """
-        write_whole(self.folder / SUMMARY_FILE, json.dumps(summary, indent=2) + "\n")
+        write_json(self.folder / SUMMARY_FILE, summary, raises=ReadygoError)
 
 
 @contextmanager
@@ -172,7 +171,7 @@ def _check_settings(folder: Path, settings: Mapping[str, Any]) -> None:
     except FileNotFoundError as error:
         if any((folder / name).exists() for name in (RECORDS_FILE, SUMMARY_FILE)):
             raise RunError(f"{folder} has results that do not say how they came; choose another --out.") from error
-        write_whole(folder / SETTINGS_FILE, json.dumps(settings, indent=2) + "\n", raises=RunError)
+        write_json(folder / SETTINGS_FILE, settings, raises=RunError)
         return
     except ValueError as error:
         raise RunError(f"{folder / SETTINGS_FILE} cannot be read: {cause(error)}; choose another --out.") from error
@@ -185,8 +184,7 @@ def _check_settings(folder: Path, settings: Mapping[str, Any]) -> None:
         )
     methods = kept.get(METHODS, {})
     if new := {name: sha256 for name, sha256 in settings.get(METHODS, {}).items() if name not in methods}:
-        whole = json.dumps({**kept, METHODS: {**methods, **new}}, indent=2)
-        write_whole(folder / SETTINGS_FILE, whole + "\n", raises=RunError)
+        write_json(folder / SETTINGS_FILE, {**kept, METHODS: {**methods, **new}}, raises=RunError)
 
 
 def _read_settings(folder: Path) -> dict[str, Any]:

@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from readygo.services.planner.expert.handlers import RobotPlanner as RobotPlanner
     from readygo.services.planner.expert.handlers import drive as drive
     from readygo.services.planner.expert.handlers import handle_robot_plan as handle_robot_plan
-    from readygo.services.planner.expert.interface import Decision as Decision
     from readygo.services.planner.expert.interface import Expert as Expert
     from readygo.services.planner.expert.interface import ExpertDriver as ExpertDriver
     from readygo.services.planner.expert.perceiving import PerceivingDriver as PerceivingDriver
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
     from readygo.services.planner.explain.picture import episode_view as episode_view
     from readygo.services.planner.explain.picture_layers import draw_knowledge as draw_knowledge
     from readygo.services.planner.explain.picture_layers import draw_superseded as draw_superseded
-    from readygo.services.planner.humans.config import FamilyMix as FamilyMix
     from readygo.services.planner.humans.config import HumanPlannerConfig as HumanPlannerConfig
     from readygo.services.planner.humans.handlers import HumanPlanner as HumanPlanner
     from readygo.services.planner.humans.handlers import handle_human_plan as handle_human_plan
@@ -59,7 +57,6 @@ else:
             "handle_robot_plan",
         ),
         ".expert.interface": (
-            "Decision",
             "Expert",
             "ExpertDriver",
         ),
@@ -89,10 +86,7 @@ else:
             "draw_knowledge",
             "draw_superseded",
         ),
-        ".humans.config": (
-            "FamilyMix",
-            "HumanPlannerConfig",
-        ),
+        ".humans.config": ("HumanPlannerConfig",),
         ".humans.handlers": (
             "HumanPlanner",
             "handle_human_plan",

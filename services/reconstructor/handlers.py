@@ -60,7 +60,7 @@ from readygo.services.reconstructor.metric.markers import (
 from readygo.services.reconstructor.metric.place import NO_SCALE, Device, Placement, Ruler, place_map, scale_is_told
 from readygo.services.reconstructor.metric.scale import TWO_SIDED_95, square_corners_m
 from readygo.services.reconstructor.posed import PosedImages
-from readygo.services.reconstructor.poses import colmap
+from readygo.services.reconstructor.poses import colmap, undistortion
 from readygo.services.reconstructor.poses.apart import apart
 from readygo.services.reconstructor.poses.config import PosesConfig
 from readygo.services.reconstructor.poses.covariance import pose_errors
@@ -352,9 +352,9 @@ def make_posed(
     images = colmap.read_map(model)
     find_drift = partial(_drift_beside, model, images, adjusted_as(frames, config.poses))
     placed = place_map(images, sightings, lengths, config.metric, device_of(frames), find_drift)
-    apart(colmap.write_undistorted, model, place, folder, placed.world_from_map, config.poses)
+    apart(undistortion.write_undistorted, model, place, folder, placed.world_from_map, config.poses)
     if (out / FRAMES / MASKS).is_dir():
-        colmap.write_undistorted_masks(model, out / FRAMES / MASKS, folder)
+        undistortion.write_undistorted_masks(model, out / FRAMES / MASKS, folder)
     metric = images.transform(placed.world_from_map)
     corners_m = [placed.world_from_map.apply(marker.corners) for marker in placed.markers]
     write_png(

@@ -30,7 +30,7 @@ class Similarity:
         return T_b_camera
 
 
-def umeyama(source: npt.ArrayLike, target: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> Similarity:
+def umeyama(source: npt.ArrayLike, target: npt.ArrayLike) -> Similarity:
     """The similarity that maps source points to target points with the least squared error.
 
     Points may lie in a plane, as the corners of a marker do, but not on a line.
@@ -38,7 +38,6 @@ def umeyama(source: npt.ArrayLike, target: npt.ArrayLike, weights: npt.ArrayLike
     Args:
         source: Points in frame a, shape (N, 3), at least 3.
         target: The same points in frame b, shape (N, 3).
-        weights: Weight of each point, shape (N,); all alike by default.
 
     Raises:
         ValueError: If shapes differ, or the points lie on a line.
@@ -48,8 +47,7 @@ def umeyama(source: npt.ArrayLike, target: npt.ArrayLike, weights: npt.ArrayLike
     a, b = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
     if a.shape != b.shape or a.ndim != 2 or a.shape[1] != 3 or len(a) < 3:
         raise ValueError(f"source and target must have the same shape (N, 3), N >= 3, got {a.shape} and {b.shape}.")
-    w = np.ones(len(a)) if weights is None else np.asarray(weights, dtype=np.float64)
-    w = w / w.sum()
+    w = np.full(len(a), 1.0 / len(a))
     mean_a, mean_b = w @ a, w @ b
     da, db = a - mean_a, b - mean_b
     U, D, Vt = np.linalg.svd((w[:, None] * db).T @ da)

@@ -1,7 +1,6 @@
 """Stages of a job on disk: each makes a folder that is there whole or not at all, and is not made twice."""
 
 import errno
-import fcntl
 import functools
 import hashlib
 import json
@@ -13,9 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from readygo.common.documents import read_json
+from readygo.common.documents import read_json, write_json
 from readygo.common.errors import ReadygoError, RunError
 from readygo.common.files import remove_unfinished, unfinished_folder, write_whole
+from readygo.common.locks import held
 
 STAGE_FILE, BEGUN_FILE, LOCK_FILE = "stage.json", "begun", ".lock"
 ROOM_MIN_BYTES = 256 << 20
@@ -87,14 +87,9 @@ class Stages:
         Raises:
             RunError: If another command works there.
         """
-        self.folder.mkdir(parents=True, exist_ok=True)
-        with (self.folder / LOCK_FILE).open("w") as lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError as error:
-                raise RunError(
-                    f"{self.folder}: another command works here; wait for it, or choose another folder."
-                ) from error
+        with held(self.folder / LOCK_FILE) as lock:
+            if lock is None:
+                raise RunError(f"{self.folder}: another command works here; wait for it, or choose another folder.")
             remove_unfinished(self.folder)
             try:
                 yield
@@ -152,7 +147,7 @@ class Stages:
         with word_errors(self.folder):
             found = json.loads(json.dumps(make(folder)))
         done = {"key": self._key, "seconds": round(time.monotonic() - begin_s, 2), "found": found}
-        write_whole(folder / STAGE_FILE, (json.dumps(done, indent=2) + "\n").encode())
+        write_json(folder / STAGE_FILE, done, raises=ReadygoError)
         return done
 
     def _check_ours(self, path: Path) -> None:

@@ -4,17 +4,16 @@ import errno
 from contextlib import suppress
 from pathlib import Path
 
-from readygo.common.errors import DiskError, RunError
+from readygo.common.errors import NO_ROOM, DiskError, RunError
 
 ROOM_BYTES = 2**20
 """A disk takes something again when it takes so much."""
-_NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 _READ_ONLY = (errno.EROFS, errno.EACCES, errno.EPERM)
 
 
 def disk_error(folder: Path, error: OSError) -> RunError:
     """What is said of a write that failed: a DiskError if the disk is full or read-only and can be waited for."""
-    if error.errno in _NO_ROOM:
+    if error.errno in NO_ROOM:
         return DiskError(f"No space left in {folder}; free some, and recording continues.")
     if error.errno in _READ_ONLY:
         return DiskError(f"{folder} cannot be written ({error.strerror}); fix that, and recording continues.")

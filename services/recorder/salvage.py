@@ -9,7 +9,7 @@ from mcap.opcode import Opcode
 
 from readygo.common.dataset import EpisodeChunk, Provenance, ShardWriter, read_chunk
 from readygo.common.dataset.index import index_path, load_index, map_file, read_provenance
-from readygo.common.dataset.records import MAGIC, chunk_span, is_intact, iter_records
+from readygo.common.dataset.records import MAGIC, chunk_span, chunk_spans, is_intact, iter_records
 from readygo.common.dataset.stage import PAUSE_NS, Scenery
 from readygo.common.dataset.writer import PART_SUFFIX, is_shard_of, sync_folder
 from readygo.common.errors import DatasetError
@@ -183,9 +183,7 @@ def next_start_ns(folder: Path, recorder: str) -> int:
     if not shards:
         return 0
     with map_file(shards[-1]) as view:
-        records = iter_records(view)
-        ends_ns = [chunk_span(view, record).end_time_ns for record in records if record.opcode == Opcode.CHUNK]
-    return max(ends_ns) + PAUSE_NS
+        return max(span.end_time_ns for span in chunk_spans(view)) + PAUSE_NS
 
 
 def next_number(folder: Path, recorder: str) -> int:

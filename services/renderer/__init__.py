@@ -11,11 +11,9 @@ if TYPE_CHECKING:
     from readygo.services.renderer.config import SENSOR_RECIPES as SENSOR_RECIPES
     from readygo.services.renderer.config import RendererConfig as RendererConfig
     from readygo.services.renderer.config import SensorName as SensorName
-    from readygo.services.renderer.handlers import handle_render as handle_render
     from readygo.services.renderer.live import LiveCamera as LiveCamera
     from readygo.services.renderer.looks import Look as Look
     from readygo.services.renderer.looks import goal_picture as goal_picture
-    from readygo.services.renderer.looks import goal_view as goal_view
     from readygo.services.renderer.looks import look_around as look_around
     from readygo.services.renderer.looks import unclear as unclear
     from readygo.services.renderer.renderer import Renderer as Renderer
@@ -41,13 +39,10 @@ else:
             "SENSOR_RECIPES",
             "SensorName",
         ),
-        ".handlers": ("handle_render",),
-        ".light": (),
         ".live": ("LiveCamera",),
         ".looks": (
             "Look",
             "goal_picture",
-            "goal_view",
             "look_around",
             "unclear",
         ),

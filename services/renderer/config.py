@@ -7,9 +7,11 @@ from typing import Literal, get_args
 
 from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.camera.config import COEFFICIENT_NAMES, SENSOR_LIMITS
+from readygo.common.errors import ConfigError
 from readygo.common.images.images import OUTPUTS
 from readygo.common.images.names import DEPTH, MEDIAN_DEPTH
-from readygo.common.rasterizer.backend_names import GPU_BACKENDS, Backend
+from readygo.common.rasterizer.backend_names import GPU_BACKENDS, GSPLAT_OUTPUTS, Backend
+from readygo.common.robot import RobotConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,11 +83,24 @@ class RendererConfig:
         object.__setattr__(self, "outputs", tuple(name for name in OUTPUTS if name in self.outputs))
         if self.backend == "gsplat" and self.depth == "median" and DEPTH in self.outputs:
             raise ValueError('the backend gsplat makes no median depth: set depth = "mean", or use triton.')
+        lacking = [name for name in self.outputs if self.backend == "gsplat" and name not in GSPLAT_OUTPUTS]
+        if lacking:
+            raise ValueError(
+                f"the backend gsplat makes no {', '.join(lacking)}: leave it out of outputs, or use triton."
+            )
 
     def rasterizer_outputs(self, kinds: Iterable[str]) -> tuple[str, ...]:
         """What the rasterizer makes for kinds of images: of `readygo.common.images.images.OUTPUTS`, each once."""
         depth = MEDIAN_DEPTH if self.depth == "median" else DEPTH
         return tuple(dict.fromkeys(depth if kind == DEPTH else kind for kind in kinds))
+
+    def check_robot(self, robot: RobotConfig) -> None:
+        """Raise ConfigError if the backend cannot draw what the cameras of a robot's ranges see."""
+        if robot.ranges.horizontal_fov_deg and self.backend in GPU_BACKENDS:
+            raise ConfigError(
+                f"robot.ranges.horizontal_fov_deg: the backend {self.backend} draws one field of view; leave the range "
+                "out, or use the backend cpu."
+            )
 
     def draws(self, name: Literal["contact_shadow", "feet_on_floor"]) -> bool:
         """Whether a setting is on, and the backend draws it."""

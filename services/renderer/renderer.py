@@ -56,10 +56,11 @@ class Renderer:
         config: Settings.
 
     Raises:
-        ReadygoError: If the backend cannot run here, or a camera's lens cannot be drawn.
+        ReadygoError: If the backend cannot run here, or a camera's lens or range cannot be drawn.
     """
 
     def __init__(self, scene: Scene, avatars: Mapping[str, Avatar], robot: RobotConfig, config: RendererConfig) -> None:
+        config.check_robot(robot)
         self.scene, self.robot, self.config = scene, robot, config
         # Gaussians stay with the rasterizers, which map them from the scene's cache if they can.
         self.skeletons = {name: avatar.skeleton() for name, avatar in avatars.items()}

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from readygo.services.trainer.config import SamplingConfig as SamplingConfig
     from readygo.services.trainer.config import TrainConfig as TrainConfig
     from readygo.services.trainer.config import best_recipe as best_recipe
-    from readygo.services.trainer.config import fast_recipe as fast_recipe
-    from readygo.services.trainer.config import paper_recipe as paper_recipe
     from readygo.services.trainer.config import with_overrides as with_overrides
+    from readygo.services.trainer.history import DECAY_FILE as DECAY_FILE
+    from readygo.services.trainer.history import PROGRESS_FILE as PROGRESS_FILE
     from readygo.services.trainer.history import loss_curves as loss_curves
     from readygo.services.trainer.image_choice import chosen_images as chosen_images
     from readygo.services.trainer.live import LiveTrainer as LiveTrainer
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from readygo.services.trainer.perception.train import PerceptionRun as PerceptionRun
     from readygo.services.trainer.ranks import join_ranks as join_ranks
     from readygo.services.trainer.ranks import leave_ranks as leave_ranks
-    from readygo.services.trainer.reinforcement.config import PpoConfig as PpoConfig
     from readygo.services.trainer.reinforcement.config import ReinforcementConfig as ReinforcementConfig
     from readygo.services.trainer.reinforcement.run import Budget as Budget
     from readygo.services.trainer.reinforcement.run import Place as Place
@@ -48,11 +47,13 @@ else:
             "SamplingConfig",
             "TrainConfig",
             "best_recipe",
-            "fast_recipe",
-            "paper_recipe",
             "with_overrides",
         ),
-        ".history": ("loss_curves",),
+        ".history": (
+            "DECAY_FILE",
+            "PROGRESS_FILE",
+            "loss_curves",
+        ),
         ".image_choice": ("chosen_images",),
         ".live": ("LiveTrainer",),
         ".networks.config": ("NetworkTrainConfig",),
@@ -71,10 +72,7 @@ else:
             "join_ranks",
             "leave_ranks",
         ),
-        ".reinforcement.config": (
-            "PpoConfig",
-            "ReinforcementConfig",
-        ),
+        ".reinforcement.config": ("ReinforcementConfig",),
         ".reinforcement.run": (
             "Budget",
             "Place",

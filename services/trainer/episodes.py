@@ -4,16 +4,15 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 
-from readygo.common.arrays import BoolArray, Float32Array, Float64Array, FloatingArray, RecordArray, UInt8Array
-from readygo.common.camera import SensorConfig
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array, FloatingArray, UInt8Array
 from readygo.common.camera.view import FieldOfView, in_view, view_of
+from readygo.common.dataset import Dataset
 from readygo.common.errors import DatasetError
 from readygo.common.images.names import GOAL_IMAGE
-from readygo.common.messages import CommittedEpisode, EpisodeKey, Sample
+from readygo.common.messages import CommittedEpisode, Sample
 from readygo.common.messages.plan import DriverKind, Outcome
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import UNKNOWN_RISK
@@ -80,138 +79,8 @@ class TrainingEpisode:
         )
 
 
-class EpisodeRange(Protocol):
-    """One episode's place among the samples of a dataset."""
-
-    @property
-    def episode(self) -> EpisodeKey:
-        """Key of the episode."""
-        ...
-
-    @property
-    def first_sample(self) -> int:
-        """Index of its first sample."""
-        ...
-
-    @property
-    def sample_count(self) -> int:
-        """Number of its samples, 20 per second."""
-        ...
-
-    @property
-    def sha256(self) -> str:
-        """Hash of the episode's bytes."""
-        ...
-
-    @property
-    def driver(self) -> DriverKind:
-        """Driver of the episode."""
-        ...
-
-    @property
-    def outcome(self) -> Outcome:
-        """Outcome of the episode."""
-        ...
-
-    @property
-    def policy(self) -> str:
-        """SHA-256 of the policy that drove; empty for the expert."""
-        ...
-
-    @property
-    def drawn(self) -> Mapping[str, float]:
-        """What its robot drew from the robot's ranges."""
-        ...
-
-
-class SampleSource(Protocol):
-    """What training reads of `readygo.common.dataset.Dataset`."""
-
-    @property
-    def episodes(self) -> Sequence[EpisodeRange]:
-        """Episodes, in the order of their samples."""
-        ...
-
-    @property
-    def actions(self) -> Float32Array:
-        """Commands over the next step: v [m/s], w [rad/s], shape (S, 2)."""
-        ...
-
-    @property
-    def goals_xy_m(self) -> Float32Array:
-        """Goals in the robot's frame [m], shape (S, 2)."""
-        ...
-
-    @property
-    def poses(self) -> Float64Array:
-        """Robot on the floor: x, y, z [m], yaw [rad], shape (S, 4)."""
-        ...
-
-    @property
-    def has_expert(self) -> bool:
-        """True if the expert was asked wherever there is an image."""
-        ...
-
-    @property
-    def expert_actions(self) -> Float32Array:
-        """What the expert would have executed, shape (S, 2); NaN where there is no image."""
-        ...
-
-    @property
-    def expert_ahead(self) -> Float32Array:
-        """What the expert would have executed from then on, every 0.05 s, shape (S, K, 2)."""
-        ...
-
-    @property
-    def has_risks(self) -> bool:
-        """True if every sample with an image says what each command would have led to."""
-        ...
-
-    @property
-    def risks(self) -> UInt8Array:
-        """What each command would have led to, shape (S, C)."""
-        ...
-
-    @property
-    def truth(self) -> RecordArray:
-        """What the robot does not know, shape (S,): `human_distance_m` and `human_visible` among others."""
-        ...
-
-    @property
-    def robot(self) -> RobotConfig | None:
-        """The robot that the samples were recorded with, None if they do not say."""
-        ...
-
-    @property
-    def sensor(self) -> SensorConfig:
-        """What varied of the robot's camera from episode to episode."""
-        ...
-
-    @property
-    def content_hash(self) -> str:
-        """Hash of the data."""
-        ...
-
-    def image(self, index: int) -> bytes:
-        """Encoded image of one sample, empty where none was taken."""
-        ...
-
-    def output(self, index: int, name: str) -> bytes:
-        """File of another image of one sample."""
-        ...
-
-    def goal_image(self, number: int) -> bytes:
-        """File of the image of an episode's goal."""
-        ...
-
-    @property
-    def humans_xyzyaw(self) -> Sequence[Float64Array]:
-        """Every human at each sample: x, y, z [m], yaw [rad], shapes (H, 4)."""
-        ...
-
-
 def read_episodes(
-    source: SampleSource, *, with_humans: bool = False, outputs: Sequence[str] = ()
+    source: Dataset, *, with_humans: bool = False, outputs: Sequence[str] = ()
 ) -> Iterator[TrainingEpisode]:
     """The episodes of recorded shards, in their order.
 
@@ -261,7 +130,7 @@ def read_episodes(
         )
 
 
-def robot_of_source(source: SampleSource) -> RobotConfig:
+def robot_of_source(source: Dataset) -> RobotConfig:
     """The robot that the samples were recorded with.
 
     Raises:

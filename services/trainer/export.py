@@ -21,7 +21,6 @@ from readygo.common.policy.graph import GRAPH_FILE, Given, GraphSpec
 from readygo.common.policy.sight import channels_of
 from readygo.common.policy.traits import TRAIT_COUNT
 from readygo.common.robot import RobotConfig
-from readygo.common.robot.kinematics import RATE_HZ
 from readygo.services.trainer.graph_file import graph_bytes
 from readygo.services.trainer.inputs import Fusion, GoalForm, MotionInput
 from readygo.services.trainer.model import Encoder, PolicyNet, ResidualBlock
@@ -132,17 +131,13 @@ def graph_spec(net: PolicyNet, frame_spacing_s: float) -> GraphSpec:
     if Given.MOTION in given and isinstance(net.encoder, PretrainedEncoder):
         given[Given.MOTION] = Given.IMAGE_MOTION.value
     cache = {"latents": "latent"} if late else {}
-    # One that sees its goal holds its command between two images.
-    rate_hz = None if inputs.goal is GoalForm.POINT else float(RATE_HZ)
-    if inputs.memory_count:
-        rate_hz = 1.0 / frame_spacing_s
     return GraphSpec(
         inputs=given,
         state={MEMORY: f"{MEMORY}_next"} if inputs.memory_count else {},
         cache=cache,
         moving="" if net.bins is None else MOVING,
         frame_count=inputs.frame_count,
-        rate_hz=rate_hz,
+        rate_hz=1.0 / frame_spacing_s if inputs.memory_count else None,
     )
 
 

@@ -36,11 +36,10 @@ def load_network(folder: Path) -> PolicyNet:
         raise PolicyError(f"{path} cannot be read: {error}; export the policy again.") from error
     shapes = {name: value.shape for name, value in net.driving_weights().items()}
     graph = graph_spec(net, spec.frame_spacing_s)
-    # Older graphs do not say which command moves.
-    if (
-        spec.graph not in (graph, dataclasses.replace(graph, moving=""))
-        or {name: value.shape for name, value in weights.items()} != shapes
-    ):
+    # Older graphs do not say which command moves, and those with an image of the goal decided 20 times a second.
+    older = [dataclasses.replace(graph, moving=""), dataclasses.replace(graph, rate_hz=graph.rate_hz or 20.0)]
+    older.append(dataclasses.replace(older[1], moving=""))
+    if spec.graph not in (graph, *older) or {name: value.shape for name, value in weights.items()} != shapes:
         raise PolicyError(f"{path} is not of the network that {SPEC_FILE} names; train it again.")
     net.load_state_dict(weights)
     return net.eval()

@@ -1,4 +1,4 @@
-"""The records that a training leaves on its way, in progress.json and in its checkpoint."""
+"""The records that a training leaves on its way, in `PROGRESS_FILE` and in its checkpoint."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -6,6 +6,10 @@ from typing import Any
 import numpy as np
 
 from readygo.common.drawing.charts import Curve
+
+PROGRESS_FILE = "progress.json"
+DECAY_FILE = "decay"
+"""A file of this name in the run's folder begins the fall of the learning rate, which ends training."""
 
 
 def loss_curves(history: Sequence[Mapping[str, Any]]) -> list[Curve]:

@@ -1,7 +1,6 @@
 """Training while episodes are made: what a fleet commits is learned from, what is learned is offered to it."""
 
 import dataclasses
-import json
 import logging
 import threading
 import time
@@ -11,9 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from readygo.common.camera import SensorConfig
-from readygo.common.documents import read_json
+from readygo.common.documents import read_json, write_json
 from readygo.common.errors import BusError, PeerError, PolicyError
-from readygo.common.files import write_whole
 from readygo.common.messages import CommittedEpisode, OfferReply, OfferRequest, PolicyFile
 from readygo.common.messages.live import LiveLoss
 from readygo.common.messages.plan import DriverKind, Outcome
@@ -21,16 +19,14 @@ from readygo.common.policy.artifact import POLICY_FILES
 from readygo.common.robot import RobotConfig
 from readygo.services.trainer.config import TrainConfig
 from readygo.services.trainer.episodes import TrainingEpisode, committed_episode
+from readygo.services.trainer.history import DECAY_FILE, PROGRESS_FILE
 from readygo.services.trainer.outcome import export_chosen, write_outcome
 from readygo.services.trainer.parts import HELD_OUT_SHARE, EpisodePart, outputs_of
 from readygo.services.trainer.run import TrainRun
 from readygo.services.trainer.samples import name_rank
 
-PROGRESS_FILE = "progress.json"
 STOP_FILE = "stop"
 """A file of this name in the run's folder ends training as SIGTERM does; it is removed then."""
-DECAY_FILE = "decay"
-"""A file of this name in the run's folder begins the fall of the learning rate, which ends training."""
 CANDIDATES_FOLDER = "candidates"
 """One folder per offered policy, by its number."""
 FIRST_EPISODES = 8
@@ -207,7 +203,7 @@ class LiveTrainer:
             "offers": self._offers,
             "history": run.history,
         }
-        write_whole(run.out / PROGRESS_FILE, json.dumps(mapping, indent=2) + "\n", raises=PolicyError)
+        write_json(run.out / PROGRESS_FILE, mapping, raises=PolicyError)
 
         self._show_new(run.history)
 

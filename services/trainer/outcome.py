@@ -2,7 +2,6 @@
 
 import copy
 import dataclasses
-import json
 import platform
 import shutil
 from collections.abc import Mapping, Sequence
@@ -14,9 +13,9 @@ import numpy as np
 import torch
 
 from readygo.common.config import section_to_mapping
+from readygo.common.documents import write_json
 from readygo.common.drawing.charts import line_chart, write_chart
 from readygo.common.errors import PolicyError
-from readygo.common.files import write_whole
 from readygo.common.policy.artifact import METRICS_FILE
 from readygo.services.trainer.export import export_policy
 from readygo.services.trainer.history import loss_curves
@@ -36,7 +35,7 @@ def write_outcome(run: TrainRun) -> dict[str, Any]:
         write_chart(run.out / CURVE_FILE, chart)
     shutil.rmtree(run.out / CANDIDATE_FOLDER, ignore_errors=True)
     metrics = _metrics(run)
-    write_whole(run.out / METRICS_FILE, json.dumps(metrics, indent=2) + "\n", raises=PolicyError)
+    write_json(run.out / METRICS_FILE, metrics, raises=PolicyError)
     return metrics
 
 

@@ -3,12 +3,13 @@
 from collections.abc import Iterable
 from typing import Any
 
+from readygo.common.dataset import Dataset
 from readygo.common.errors import ConfigError, DatasetError
 from readygo.common.images.names import GOAL_IMAGE, RGB
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import command_grid
 from readygo.services.trainer.config import TrainConfig
-from readygo.services.trainer.episodes import SampleSource, TrainingEpisode, read_episodes, robot_of_source
+from readygo.services.trainer.episodes import TrainingEpisode, read_episodes, robot_of_source
 from readygo.services.trainer.frames import FrameCache
 from readygo.services.trainer.looked import LookCache
 from readygo.services.trainer.pooling import pooling_of
@@ -86,9 +87,7 @@ def timing_of(robot: RobotConfig, config: TrainConfig) -> WindowTiming:
     )
 
 
-def build_parts(
-    source: SampleSource, validation: SampleSource | None, config: TrainConfig
-) -> tuple[EpisodePart, EpisodePart]:
+def build_parts(source: Dataset, validation: Dataset | None, config: TrainConfig) -> tuple[EpisodePart, EpisodePart]:
     """What is trained on and what is held out: episodes of `validation`, or else some of `source`.
 
     Raises:

@@ -9,19 +9,20 @@ import cv2
 import torch
 
 from readygo.common.cores import available_cores
+from readygo.common.dataset import Dataset
 from readygo.services.trainer.config import TrainConfig
-from readygo.services.trainer.episodes import SampleSource, robot_of_source
+from readygo.services.trainer.episodes import robot_of_source
 from readygo.services.trainer.outcome import write_outcome
 from readygo.services.trainer.parts import build_parts
 from readygo.services.trainer.run import Evaluate, TrainProgress, TrainRun
 
 
 def train_policy(
-    source: SampleSource,
+    source: Dataset,
     config: TrainConfig,
     out: Path,
     *,
-    validation: SampleSource | None = None,
+    validation: Dataset | None = None,
     evaluate: Evaluate | None = None,
     evaluated: str = "",
     report: Callable[[TrainProgress], None] | None = None,

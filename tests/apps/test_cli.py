@@ -111,6 +111,8 @@ class StopOptions:
     """The folder."""
     saved: str = ""
     """A file in it."""
+    words: tuple[str, ...] = ()
+    """What the command says of it."""
 
 
 def stop(options: StopOptions) -> None:
@@ -118,7 +120,7 @@ def stop(options: StopOptions) -> None:
     options.out.mkdir(exist_ok=True)
     if options.saved:
         (options.out / options.saved).touch()
-    raise KeyboardInterrupt
+    raise KeyboardInterrupt(*options.words)
 
 
 def test_ctrl_c_tells_whether_something_is_saved_and_leaves_no_empty_folder(
@@ -126,12 +128,16 @@ def test_ctrl_c_tells_whether_something_is_saved_and_leaves_no_empty_folder(
 ) -> None:
     commands = {"stop": CliCommand(f"{__name__}:stop", "stops")}
     out, kept = tmp_path / "out", "readygo: stopped; what is recorded or saved stays, "
-    for options, words in (([], "readygo: stopped; nothing is saved yet.\n"), (["--saved", "checkpoint"], kept)):
+    for options, words in (
+        ([], "readygo: stopped; nothing is saved yet.\n"),
+        (["--words", "The state is elsewhere."], "readygo: stopped; The state is elsewhere.\n"),
+        (["--saved", "checkpoint"], kept),
+    ):
         with pytest.raises(SystemExit) as stopped:
             run_command(commands, ["stop", "--out", str(out), *options])
         assert stopped.value.code == 130
         assert capsys.readouterr().err.startswith(words)
-        assert out.exists() == bool(options)
+        assert out.exists() == ("--saved" in options)
     (tmp_path / "empty").mkdir()
     with pytest.raises(SystemExit):
         run_command(commands, ["stop", "--out", str(tmp_path / "empty")])

@@ -17,8 +17,10 @@ from readygo.common.documents import (
     parse_json,
     parse_toml,
     read_json,
+    read_tagged,
     read_toml,
     read_yaml,
+    write_json,
     write_toml,
 )
 from readygo.common.errors import SceneError
@@ -136,3 +138,32 @@ def test_text_that_is_no_yaml_is_refused_in_one_line(tmp_path: Path, text: str) 
     with pytest.raises(ValueError, match=r"no YAML|nest deeper") as caught:
         read_yaml(tmp_path / "a.yaml")
     assert "\n" not in str(caught.value)
+
+
+def test_file_of_ours_is_read_if_it_has_the_format_of_this_version(tmp_path: Path) -> None:
+    path = tmp_path / "a.toml"
+
+    def read(old: str = "") -> dict[str, Any]:
+        return read_tagged(path, "ours/2", raises=SceneError, missing="make one", remedy="make it again", old=old)
+
+    for text, words in (
+        (None, rf"^{tmp_path} holds no a\.toml; make one\.$"),
+        ("a", r"a\.toml is no TOML file: .*; make it again\.$"),
+        ("a = 1", r"a\.toml has format None, this version reads 'ours/2'; make it again\.$"),
+    ):
+        if text is not None:
+            path.write_text(text)
+        with pytest.raises(SceneError, match=words):
+            read()
+    path.write_text('format = "ours/1"')
+    with pytest.raises(SceneError, match=r"has format 'ours/1', this version reads 'ours/2'; use the old one\.$"):
+        read(old="use the old one")
+    path.write_text('format = "ours/2"\na = 1')
+    assert read() == {"format": "ours/2", "a": 1}
+
+
+def test_json_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+    write_json(tmp_path / "a.json", {"b": 1, "a": [None]}, raises=SceneError)
+    assert (tmp_path / "a.json").read_text() == '{\n  "b": 1,\n  "a": [\n    null\n  ]\n}\n'
+    with pytest.raises(SceneError):
+        write_json(tmp_path / "a.json" / "b.json", {}, raises=SceneError)

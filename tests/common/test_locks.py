@@ -1,3 +1,5 @@
+import fcntl
+import math
 import os
 import threading
 from pathlib import Path
@@ -6,7 +8,8 @@ from types import SimpleNamespace
 import pytest
 
 from readygo.common import locks
-from readygo.common.locks import hold
+from readygo.common.errors import RunError
+from readygo.common.locks import held, hold
 
 
 def test_one_at_a_time_holds_a_file(tmp_path: Path) -> None:
@@ -67,3 +70,32 @@ def test_file_that_was_replaced_while_it_was_taken_is_taken_again(
     assert held is not None
     assert next(answers, None) is None
     os.close(held)
+
+
+def test_lock_is_held_while_the_context_is_active_and_its_folder_is_made(tmp_path: Path) -> None:
+    path = tmp_path / "a" / "b" / "lock"
+    with held(path) as first:
+        assert first is not None
+        with held(path) as second:
+            assert second is None
+        assert hold(path) is None
+    third = hold(path)
+    assert third is not None
+    threading.Timer(0.2, os.close, [third]).start()
+    with held(path, patience_s=math.inf) as fourth:
+        assert fourth is not None
+
+
+def test_file_that_cannot_be_made_or_locked_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RunError, match=r"file cannot be written: File exists\.$"), held(tmp_path / "file" / "lock"):
+        pass
+
+    def fail(descriptor: int, operation: int) -> None:
+        raise OSError(37, "No locks available")
+
+    before = len(os.listdir("/proc/self/fd"))
+    monkeypatch.setattr(fcntl, "flock", fail)
+    with pytest.raises(RunError, match=r"cannot be written: No locks available\.$"), held(tmp_path / "lock"):
+        pass
+    assert len(os.listdir("/proc/self/fd")) == before, "nothing stays open"

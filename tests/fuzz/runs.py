@@ -18,7 +18,7 @@ from readygo.common.dataset import Dataset
 from readygo.common.dataset.index import build_index, index_path, load_index, map_file, read_index
 from readygo.common.dataset.places import own_folders
 from readygo.common.dataset.provenance import provenance_from_strings, provenance_to_strings
-from readygo.common.dataset.records import Opcode, chunk_span, is_intact, iter_messages, iter_records
+from readygo.common.dataset.records import chunk_spans, is_intact, iter_messages
 from readygo.common.dataset.validate import validate
 from readygo.common.errors import MessageError
 from readygo.common.messages import EpisodeKey, Outcome, decode, encode, topics
@@ -89,12 +89,10 @@ def _read_one_shard(folder: Path) -> None:
 
 def _walk(data: bytes, about: Any, folder: Path) -> None:
     view = memoryview(data)
-    for record in iter_records(view):
-        if record.opcode == Opcode.CHUNK:
-            chunk = chunk_span(view, record)
-            is_intact(view, chunk)
-            for _ in iter_messages(view, chunk.body, chunk.end):
-                pass
+    for chunk in chunk_spans(view):
+        is_intact(view, chunk)
+        for _ in iter_messages(view, chunk.body, chunk.end):
+            pass
 
 
 def _shard_bytes(folder: Path) -> list[Seed]:

@@ -11,7 +11,8 @@ from readygo.common.messages.stages import DRIVE_LINE
 from readygo.runs.again import prepare_again
 from readygo.runs.config import RunConfig, resolved_sections
 from readygo.runs.folder import RunFolder
-from readygo.services.coordinator import BlobStore, Holder, Ledger, Written
+from readygo.services.coordinator import BlobStore, Ledger, Written
+from readygo.services.coordinator.protocol import Holder
 from tests.common.messages.run_specs import SPEC
 
 LIVE = dataclasses.replace(

@@ -10,7 +10,7 @@ from readygo.common.config import section_from_mapping
 from readygo.common.errors import ConfigError
 from readygo.common.policy import PolicySpec
 from readygo.common.robot import Clock, RobotConfig
-from readygo.runs.config import RunConfig, load_run_config, resolved_sections
+from readygo.runs.config import RunConfig, check_cameras, load_run_config, resolved_sections
 from readygo.runs.identity import run_name
 from readygo.runs.origin import robot_of_policy
 from tests.common.messages.run_specs import SPEC
@@ -125,3 +125,11 @@ def test_sensor_recipe_is_that_of_every_camera_and_keeps_where_each_looks() -> N
     assert (phone.renderer.sub_frames, phone.renderer.sensor.k1) == (4, (-0.04, 0.01))
     assert plain.renderer.sensor == SensorConfig()
     assert phone.robot.v_max_mps == 0.8
+
+
+def test_run_whose_backend_cannot_draw_the_robots_ranges_is_refused(tmp_path: Path) -> None:
+    robot = "[robot.camera]\nhorizontal_fov_deg = 90.0\n[robot.ranges]\nhorizontal_fov_deg = [80.0, 100.0]\n"
+    path = run_config(tmp_path, robot + '[renderer]\nbackend = "triton"\n')
+    check_cameras(load_run_config(path, keys={"renderer": {"backend": "cpu"}}))
+    with pytest.raises(ConfigError, match="the backend triton draws one field of view"):
+        check_cameras(load_run_config(path))

@@ -8,7 +8,7 @@ from readygo.common.errors import RunError
 from readygo.common.messages import OnRejection
 from readygo.common.messages.stages import ANIMATE, HUMAN_PLAN, RENDER, ROBOT_PLAN
 from readygo.runs.config import RunConfig, load_run_config, resolved_sections
-from readygo.runs.folder import TARGETS, RunFolder
+from readygo.runs.folder import TARGETS, RunFolder, check_new
 from readygo.services.coordinator import Ledger
 from tests.common.messages.run_specs import SPEC
 
@@ -175,3 +175,12 @@ def test_number_of_wanted_episodes_that_is_none_is_named(tmp_path: Path) -> None
     (folder.state / "wanted").write_text("")
     with pytest.raises(RunError, match=r"wanted is damaged: write the number of wanted episodes"):
         folder.load()
+
+
+def test_folder_is_new_if_there_is_nothing_in_it_but_what_a_command_left_itself(tmp_path: Path) -> None:
+    check_new(tmp_path / "none")
+    check_new(tmp_path)
+    (tmp_path / ".lock").write_text("")
+    check_new(tmp_path, ".lock", "perceive")
+    with pytest.raises(RunError, match="holds files of something else; choose an empty or new folder with --out"):
+        check_new(tmp_path, "perceive")

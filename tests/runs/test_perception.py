@@ -5,7 +5,8 @@ import pytest
 
 from readygo.common.dataset.provenance import Provenance, SceneOrigin
 from readygo.common.errors import ConfigError, DatasetError, SceneError
-from readygo.common.robot import RobotConfig, RobotRanges
+from readygo.common.robot import RobotConfig
+from readygo.common.robot.ranges import RobotRanges
 from readygo.common.scenes import load_scene
 from readygo.runs import perception as module
 from readygo.runs.perception import scene_of, train_perception

@@ -4,22 +4,19 @@ from pathlib import Path
 
 import pytest
 
-from readygo.apps.fleet.worker import make_coordinator
-from readygo.common.bus import InProcessBus
 from readygo.common.camera import SensorConfig
 from readygo.common.dataset.provenance import Provenance
 from readygo.common.errors import PolicyError, RunError
 from readygo.common.messages import PolicyRef, RunSpec, decode, encode
 from readygo.common.messages.stages import DRIVE_LINE
 from readygo.runs.config import RunConfig, resolved_sections
-from readygo.runs.folder import RunFolder
 from readygo.runs.identity import identity, numeric_class, run_name
 from readygo.runs.policy import with_expert, with_offers, with_policy
 from readygo.runs.world import World
-from readygo.services.coordinator import attach
 from readygo.services.renderer import RendererConfig
 from tests.common.messages.run_specs import SPEC
 from tests.common.policy.artifacts import ROBOT, write_policy
+from tests.runs.served import served
 
 CONFIG = RunConfig(robot=ROBOT)
 
@@ -85,11 +82,7 @@ def test_worker_without_the_policy_fetches_it_from_the_run(
     spec: RunSpec, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    folder = RunFolder(tmp_path / "data")
-    with folder.lock():
-        folder.save(spec, 1)
-    bus = InProcessBus()
-    attach(bus, make_coordinator(folder))
+    bus = served(spec, tmp_path)
     assert spec.policy is not None
     away = dataclasses.replace(spec, policy=dataclasses.replace(spec.policy, path=str(tmp_path / "not-here")))
     assert away.policy is not None
@@ -105,11 +98,7 @@ def test_fetched_policies_are_kept_as_long_as_they_are_among_the_latest_used(
     spec: RunSpec, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    folder = RunFolder(tmp_path / "data")
-    with folder.lock():
-        folder.save(spec, 1)
-    bus = InProcessBus()
-    attach(bus, make_coordinator(folder))
+    bus = served(spec, tmp_path)
     assert spec.policy is not None
     away = dataclasses.replace(spec.policy, path=str(tmp_path / "not-here"))
     cache = tmp_path / "cache" / "readygo" / "policies"

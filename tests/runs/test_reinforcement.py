@@ -14,12 +14,12 @@ from readygo.runs.config import RunConfig
 from readygo.runs.evaluation import evaluation_world
 from readygo.runs.reinforcement import (
     PART,
-    _Makers,
     draw_bank,
     make_reinforcement_config,
     run_reinforcement,
     with_standing,
 )
+from readygo.runs.scenarios import accepted_scenarios
 from tests.common.state_policy.state_policies import TOLD_COUNT
 from tests.common.state_simulation.episodes import draw
 
@@ -78,7 +78,7 @@ def test_scene_without_room_is_refused_in_a_line_also_with_the_parts_of_an_earli
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr("readygo.runs.reinforcement.REJECTED_PARTS_MAX", 3)
-    monkeypatch.setattr("readygo.runs.reinforcement._Makers._accepted", lambda *_: iter(()))
+    monkeypatch.setattr("readygo.runs.reinforcement.accepted_scenarios", lambda *_: iter(()))
     for _ in range(2):
         with pytest.raises(SceneError, match=r"^The last 192 scenarios of .* were rejected\.$"):
             draw_bank(world, Split.VAL, 5)
@@ -88,12 +88,10 @@ def test_scene_without_room_is_refused_in_a_line_also_with_the_parts_of_an_earli
 def test_part_without_an_accepted_episode_is_passed_over(world, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr("readygo.runs.reinforcement.PART", 4)
-    accepted = _Makers._accepted
     monkeypatch.setattr(
-        _Makers,
-        "_accepted",
-        lambda self, planner, animator, split, indices: (
-            iter(()) if 4 in indices else accepted(self, planner, animator, split, indices)
+        "readygo.runs.reinforcement.accepted_scenarios",
+        lambda planner, animator, seed, split, indices: (
+            iter(()) if 4 in indices else accepted_scenarios(planner, animator, seed, split, indices)
         ),
     )
     index = draw_bank(world, Split.VAL, 6).index.tolist()

@@ -3,10 +3,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from readygo.common.errors import SceneError
+from readygo.common.errors import RunError, SceneError
 from readygo.common.maps import save_ros_map
 from readygo.common.scenes import embedded
-from readygo.runs.scene_argument import FlatMaps, open_maps, open_scene
+from readygo.runs.scene_argument import FlatMaps, open_maps, open_scene, open_scenes
 from tests.services.planner.worlds import rooms
 
 
@@ -33,6 +33,15 @@ def test_scene_that_is_none_is_refused(tmp_path: Path) -> None:
             open_maps(str(tmp_path / name))
     with pytest.raises(SceneError, match="does not exist"):
         open_scene(str(tmp_path / "nowhere"))
+
+
+def test_scenes_are_named_and_each_only_once() -> None:
+    with pytest.raises(RunError, match="Name a scene"):
+        open_scenes(())
+    with pytest.raises(RunError, match="Scene embedded:0 is named twice; name each scene once"):
+        open_scenes(("embedded", "embedded:0"))
+    (scene,) = open_scenes(("embedded",))
+    assert scene.content_hash == open_scene("embedded").content_hash
 
 
 def test_seed_of_an_embedded_flat_is_checked_before_anything_is_made(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,6 +1,4 @@
 import math
-import time
-from collections.abc import Callable
 from types import SimpleNamespace
 
 import cv2
@@ -16,6 +14,7 @@ from readygo.common.robot import RobotConfig
 from readygo.runs.shown_drives import EVERY_S, ShownDrives, drive_perception, drive_state
 from tests.common.perception.test_live import EPISODE
 from tests.common.perception.test_tracker import everywhere, seen
+from tests.waiting import wait_for
 
 FLOOR = SimpleNamespace(at=lambda x, y: 0.5)
 POSE = (1.0, 2.0, math.pi / 2)
@@ -55,13 +54,6 @@ def perceiving():
         answers=np.zeros((CHANNELS, *SHAPE)),
     )
     return SimpleNamespace(pose=POSE, perceived=perceived, people=SimpleNamespace(tracker=tracker))
-
-
-def wait_for(condition: Callable[[], object]) -> None:
-    deadline_s = time.monotonic() + 5.0
-    while not condition():
-        assert time.monotonic() < deadline_s, "it did not happen in time"
-        time.sleep(0.005)
 
 
 def test_state_has_robot_and_humans_on_the_floor() -> None:

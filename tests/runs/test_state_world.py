@@ -3,7 +3,7 @@ import dataclasses
 import pytest
 
 from readygo.common.errors import ConfigError
-from readygo.common.robot import RobotRanges
+from readygo.common.robot.ranges import RobotRanges
 from readygo.common.state_simulation.world import ObservationConfig
 from readygo.runs.config import RunConfig
 from readygo.runs.evaluation import evaluation_world

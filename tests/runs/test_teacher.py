@@ -3,24 +3,22 @@ from pathlib import Path
 
 import pytest
 
-from readygo.apps.fleet.worker import make_coordinator
-from readygo.common.bus import InProcessBus
 from readygo.common.camera import CameraConfig
 from readygo.common.dataset.provenance import Provenance, SceneOrigin
 from readygo.common.errors import PolicyError, RunError
 from readygo.common.messages import RunSpec, decode, encode
 from readygo.common.messages.stages import DRIVE_LINE
-from readygo.common.robot import RobotConfig, RobotRanges
+from readygo.common.robot import RobotConfig
+from readygo.common.robot.ranges import RobotRanges
 from readygo.runs.config import RunConfig, resolved_sections
-from readygo.runs.folder import RunFolder
 from readygo.runs.identity import check_same_make, numeric_class
 from readygo.runs.policy import with_expert, with_policy
 from readygo.runs.teacher import with_teacher
 from readygo.runs.world import World
-from readygo.services.coordinator import attach
 from tests.common.messages.run_specs import SPEC
 from tests.common.policy.artifacts import ROBOT, write_policy
 from tests.common.state_policy.state_policies import write_state_policy
+from tests.runs.served import served
 
 CONFIG = RunConfig()
 PLAIN = dataclasses.replace(with_expert(SPEC), config=resolved_sections(CONFIG))
@@ -99,11 +97,8 @@ def test_worker_without_the_teacher_fetches_it_from_the_run(
     teacher: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    spec, folder = with_teacher(PLAIN, CONFIG, teacher), RunFolder(tmp_path / "data")
-    with folder.lock():
-        folder.save(spec, 1)
-    bus = InProcessBus()
-    attach(bus, make_coordinator(folder))
+    spec = with_teacher(PLAIN, CONFIG, teacher)
+    bus = served(spec, tmp_path)
     assert spec.teacher is not None
     away = dataclasses.replace(spec, teacher=dataclasses.replace(spec.teacher, path=str(tmp_path / "not-here")))
     fetched = World(away, bus).teacher

@@ -6,7 +6,8 @@ import pytest
 from readygo.common.errors import ConfigError, PolicyError
 from readygo.runs.training import default_recipe, make_config, make_network_config, run_training
 from readygo.services import trainer
-from readygo.services.trainer import TrainConfig, best_recipe, paper_recipe
+from readygo.services.trainer import TrainConfig, best_recipe
+from readygo.services.trainer.config import paper_recipe
 
 
 def test_missing_torch_is_one_line_with_the_command_that_installs_it(tmp_path, monkeypatch) -> None:

@@ -15,10 +15,11 @@ def test_first_episode_that_can_walk_is_driven_and_no_other(tmp_path: Path, monk
 
     def plan(planner, request):
         planned.append(request.episode.index)
-        return SimpleNamespace(scenario=f"scenario {len(planned)}" if len(planned) > 1 else None)
 
-    def animate(animator, request):
-        return SimpleNamespace(motions="motions" if request["scenario"] == "scenario 3" else None)
+    def accepted(planner, animator, seed, split, indices):
+        for index in indices:
+            planned.append(index)
+            yield f"scenario {index}", "motions"
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
 
@@ -35,16 +36,15 @@ def test_first_episode_that_can_walk_is_driven_and_no_other(tmp_path: Path, monk
         ("open_scene", lambda name: None),
         ("make_spec", lambda *arguments, **options: None),
         ("World", lambda spec: world),
-        ("AnimateRequest", dict),
         ("RobotPlanRequest", dict),
         ("handle_human_plan", plan),
-        ("handle_animate", animate),
+        ("accepted_scenarios", accepted),
         ("handle_robot_plan", lambda planner, request: driven.append((planner, request["scenario"]))),
     ):
         monkeypatch.setattr(warm, name, stand_in)
     warm.warm_all()
-    assert planned == [0, 0, 1]
-    assert driven == ["begun beside", "kernels", "ended beside", ("expert", "scenario 3")]
+    assert planned == [0, 0]
+    assert driven == ["begun beside", "kernels", "ended beside", ("expert", "scenario 0")]
     # Workers need not do it again.
     monkeypatch.setattr(warm, "warm_all", lambda: driven.append("again"))
     warm.warm_once()

@@ -7,17 +7,15 @@ from pathlib import Path
 import msgpack
 import pytest
 
-from readygo.apps.fleet.worker import make_coordinator
 from readygo.common.avatars.file import avatar_paths
 from readygo.common.bus import InProcessBus
 from readygo.common.errors import AvatarError, MessageError, RunError
 from readygo.common.messages import BlobReply, FileRef, RunSpec, Split, decode, encode, topics
 from readygo.runs.config import RunConfig
-from readygo.runs.folder import RunFolder
 from readygo.runs.scene_argument import open_scene
 from readygo.runs.spec import make_spec
 from readygo.runs.world import World
-from readygo.services.coordinator import attach
+from tests.runs.served import served
 
 
 @pytest.fixture
@@ -27,16 +25,7 @@ def spec() -> RunSpec:
 
 @pytest.fixture
 def bus(spec: RunSpec, tmp_path: Path) -> InProcessBus:
-    return _served(spec, tmp_path)
-
-
-def _served(spec: RunSpec, tmp_path: Path) -> InProcessBus:
-    folder = RunFolder(tmp_path / "data")
-    with folder.lock():
-        folder.save(spec, 1)
-    bus = InProcessBus()
-    attach(bus, make_coordinator(folder))
-    return bus
+    return served(spec, tmp_path)
 
 
 @pytest.fixture
@@ -125,7 +114,7 @@ def test_avatars_are_fetched_like_the_scene(tmp_path: Path, monkeypatch: pytest.
     for file in avatar_paths(None)[:2]:
         shutil.copy(file, people)
     spec = make_spec(open_scene("embedded"), people, RunConfig(), seed=0, split=Split.TRAIN, static=False)
-    bus = _served(spec, tmp_path)
+    bus = served(spec, tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     elsewhere = dataclasses.replace(spec, avatars_path=str(tmp_path / "not-here"))
     assert sorted(World(elsewhere, bus).avatars) == sorted(spec.avatar_hashes)

@@ -198,6 +198,24 @@ class GltfFile:
             raise AvatarError(f"{self.path} refers to {uri!r}, which cannot be read: {why}.") from error
 
 
+def base_colour_texture(material: Json) -> Json | None:
+    """What a material says of its base colour's texture: its number, and where it lies; None if it has none."""
+    glossy = material.get("extensions", {}).get("KHR_materials_pbrSpecularGlossiness", {})
+    found: Json | None = material.get("pbrMetallicRoughness", {}).get("baseColorTexture", glossy.get("diffuseTexture"))
+    return found
+
+
+def texture_transform(reference: Json) -> Json:
+    """The extension KHR_texture_transform of a reference to a texture; empty without it."""
+    found: Json = reference.get("extensions", {}).get("KHR_texture_transform", {})
+    return found
+
+
+def uv_set(reference: Json) -> int:
+    """The set of texture coordinates that a texture lies at: 1 for TEXCOORD_1."""
+    return int(texture_transform(reference).get("texCoord", reference.get("texCoord", 0)))
+
+
 def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes]:
     """JSON and binary chunk of a .glb."""
     text, binary, place = None, b"", 12

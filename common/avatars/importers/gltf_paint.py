@@ -7,8 +7,15 @@ from typing import Any
 import numpy as np
 
 from readygo.common.arrays import Float64Array, Int64Array, UInt8Array
-from readygo.common.avatars.importers.gltf_file import GltfFile, Json
+from readygo.common.avatars.importers.gltf_file import (
+    GltfFile,
+    Json,
+    base_colour_texture,
+    texture_transform,
+    uv_set,
+)
 from readygo.common.avatars.importers.gltf_scene import GltfPart
+from readygo.common.errors import AvatarError
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -26,12 +33,23 @@ class Material:
 
 
 def read_materials(file: GltfFile, parts: Sequence[GltfPart]) -> tuple[dict[int | None, Material], tuple[str, ...]]:
-    """Materials of all parts by their number, and notes on textures that cannot be read."""
+    """Materials of all parts by their number, and notes on textures that cannot be read.
+
+    Raises:
+        AvatarError: If a texture lies at further texture coordinates that a part lacks.
+    """
     materials: dict[int | None, Material] = {}
     notes = []
     for number in sorted({part.material for part in parts}, key=lambda value: -1 if value is None else value):
         entry: Json = {} if number is None else file.items("materials")[number]
         materials[number], readable = _material(file, entry)
+        at = uv_set(base_colour_texture(entry) or {})
+        textured = materials[number].texture is not None
+        if at != 0 and textured and any(part.uv is None for part in parts if part.material == number):
+            raise AvatarError(
+                f"{file.path}: the texture of material {entry.get('name', number)!r} lies at TEXCOORD_{at}, which a "
+                "mesh with it lacks; export the figure with all of its UV maps."
+            )
         if not readable:
             notes.append(f"The texture of material {entry.get('name', number)!r} cannot be read; its colour stands in.")
     if all(material.texture is None for material in materials.values()):
@@ -101,7 +119,7 @@ def _material(file: GltfFile, entry: Json) -> tuple[Material, bool]:
     factor = rough.get("baseColorFactor", glossy.get("diffuseFactor", (1.0, 1.0, 1.0, 1.0)))
     if np.shape(factor) != (4,):
         raise ValueError(f"a colour of {np.shape(factor)} numbers")
-    reference: Json | None = rough.get("baseColorTexture", glossy.get("diffuseTexture"))
+    reference = base_colour_texture(entry)
     texture = None if reference is None else _texture(file, reference)
     material = Material(
         factor=np.array(factor, dtype=np.float64),
@@ -123,8 +141,8 @@ def _texture(file: GltfFile, reference: Json) -> UInt8Array | None:
 
 
 def _uv_matrix(reference: Json) -> Float64Array:
-    """The extension KHR_texture_transform."""
-    transform = reference.get("extensions", {}).get("KHR_texture_transform", {})
+    """The extension KHR_texture_transform as a matrix."""
+    transform = texture_transform(reference)
     (sx, sy), (ox, oy) = transform.get("scale", (1.0, 1.0)), transform.get("offset", (0.0, 0.0))
     angle = float(transform.get("rotation", 0.0))
     c, s = np.cos(angle), np.sin(angle)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from readygo.common.arrays import AnyArray, Float64Array, Int64Array
-from readygo.common.avatars.importers.gltf_file import GltfFile, Json
+from readygo.common.avatars.importers.gltf_file import GltfFile, Json, base_colour_texture, uv_set
 from readygo.common.errors import AvatarError
 from readygo.common.frames import matrix_from_quat
 
@@ -37,6 +37,7 @@ class GltfPart:
     """Bind pose, shape (V, 3)."""
     normals: Float64Array | None
     uv: Float64Array | None
+    """Texture coordinates of the set that the material's texture lies at, shape (V, 2)."""
     colours: Float64Array | None
     """Linear RGBA in 0..1, shape (V, 4)."""
     bone_index: Int64Array
@@ -237,15 +238,17 @@ def _part(file: GltfFile, primitive: Json, space: Float64Array, index: Int64Arra
     colours = optional("COLOR_0", 3, 4)
     if colours is not None and colours.shape[1] == 3:
         colours = np.concatenate([colours, np.ones((count, 1))], axis=1)
+    material: int | None = primitive.get("material")
+    reference = None if material is None else base_colour_texture(file.items("materials")[material])
     return GltfPart(
         positions=positions @ space[:3, :3].T + space[:3, 3],
         normals=normals,
-        uv=optional("TEXCOORD_0", 2),
+        uv=optional(f"TEXCOORD_{uv_set(reference or {})}", 2),
         colours=colours,
         bone_index=index,
         bone_weight=weight,
         triangles=triangles,
-        material=primitive.get("material"),
+        material=material,
     )
 
 

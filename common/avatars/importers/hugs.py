@@ -133,13 +133,13 @@ def decode_human(checkpoint: Mapping[str, Any]) -> dict[str, Tensor]:
         AvatarError: If a tensor is missing, has another shape than HUGS gives it, or is not finite.
     """
     xyz = _tensor(checkpoint, "xyz", (None, 3))
-    features = _features(checkpoint["triplane"], xyz)
+    features = _features(_tensors_of(checkpoint, "triplane"), xyz)
     width = features.shape[1]
     appearance = _Decoder(checkpoint, "appearance_dec", width)
     geometry = _Decoder(checkpoint, "geometry_dec", width)
     hidden_a, hidden_g = appearance.hidden_layers(features), geometry.hidden_layers(features)
     multiplier = _tensor(checkpoint, "scaling_multiplier", (len(xyz), 1))
-    degree = int(checkpoint.get("active_sh_degree", 0))
+    degree = _sh_degree(checkpoint)
     sh = appearance.linear("shs", hidden_a, 48).reshape(-1, 16, 3)[:, : (min(max(degree, 0), 3) + 1) ** 2]
     return {
         "means": xyz + geometry.linear("xyz.1", hidden_g, 3),
@@ -170,6 +170,8 @@ def _features(planes: State, xyz: Tensor) -> Tensor:
     parts = []
     for key, axes in zip(_PLANES, _PLANE_AXES, strict=True):
         plane = _tensor(planes, key, (1, None, None, None), "triplane.")
+        if not plane.numel():
+            raise AvatarError(f"triplane.{key} of the checkpoint is empty, got {tuple(plane.shape)}.")
         grid = xyz[None, :, None, list(axes)]
         parts.append(grid_sample(plane, grid, mode="bilinear", padding_mode="zeros", align_corners=True)[0, :, :, 0].T)
     return torch.cat(parts, dim=1)
@@ -179,9 +181,7 @@ class _Decoder:
     """One small network of the checkpoint."""
 
     def __init__(self, checkpoint: Mapping[str, Any], name: str, width: int) -> None:
-        if not isinstance(checkpoint[name], Mapping):
-            raise AvatarError(f"{name} of the checkpoint must be a dictionary of tensors.")
-        self.state, self.prefix, self.width = checkpoint[name], f"{name}.", width
+        self.state, self.prefix, self.width = _tensors_of(checkpoint, name), f"{name}.", width
 
     def tensor(self, key: str, shape: tuple[int | None, ...]) -> Tensor:
         return _tensor(self.state, key, shape, self.prefix)
@@ -202,6 +202,22 @@ class _Decoder:
             names = (f"{key}.parametrizations.weight.original0", f"{key}.parametrizations.weight.original1")
         v = self.tensor(names[1], (None, width))
         return self.tensor(names[0], (v.shape[0], 1)) * v / v.norm(dim=1, keepdim=True)
+
+
+def _tensors_of(checkpoint: Mapping[str, Any], name: str) -> State:
+    """A part of a checkpoint that must be a dictionary of tensors."""
+    if not isinstance(checkpoint[name], Mapping):
+        raise AvatarError(f"{name} of the checkpoint must be a dictionary of tensors.")
+    part: State = checkpoint[name]
+    return part
+
+
+def _sh_degree(checkpoint: Mapping[str, Any]) -> int:
+    """Degree of the harmonics that were in use; 0 if the checkpoint names none."""
+    try:
+        return int(checkpoint.get("active_sh_degree", 0))
+    except (TypeError, ValueError, OverflowError, RuntimeError) as error:
+        raise AvatarError("active_sh_degree of the checkpoint must be a whole number.") from error
 
 
 def _tensor(state: Mapping[str, Any], key: str, shape: tuple[int | None, ...], prefix: str = "") -> Tensor:

@@ -145,7 +145,6 @@ class CpuRasterizer:
         width_px: Image width.
         packed_avatars: The avatars packed; those that are trees are drawn with levels of detail. Packed here by
             default.
-        coarseness: Levels of detail are chosen as if pixels were larger by this factor; 0 draws every Gaussian.
 
     Raises:
         ValueError: If the image is too large, or the packed avatars are others.
@@ -162,18 +161,15 @@ class CpuRasterizer:
         width_px: int,
         *,
         packed_avatars: Mapping[str, PackedAvatar | AvatarTree] | None = None,
-        coarseness: float = COARSENESS,
     ) -> None:
         if max(height_px, width_px) > MAX_SIDE_PX:
             raise ValueError(f"images are limited to {MAX_SIDE_PX} px a side, got {height_px}x{width_px} px.")
         scenes = [scenes] if isinstance(scenes, PackedScene | ChunkTree) else scenes
-        self._layers = [_Layer(*_with_cut(scene, coarseness)) for scene in scenes]
+        self._layers = [_Layer(*_with_cut(scene)) for scene in scenes]
         packed = packed_avatars or {name: pack_avatar(avatar) for name, avatar in avatars.items()}
         if packed.keys() != avatars.keys():
             raise ValueError(f"packed_avatars must be those of {sorted(avatars)}, got {sorted(packed)}.")
-        self._avatars = {
-            name: _wearable(avatar, *_avatar_with_cut(packed[name], coarseness)) for name, avatar in avatars.items()
-        }
+        self._avatars = {name: _wearable(avatar, *_avatar_with_cut(packed[name])) for name, avatar in avatars.items()}
         self._humans: list[_Human] = []
         self._K_px = np.asarray(K_px, dtype=np.float64)
         self._height, self._width = height_px, width_px
@@ -242,7 +238,7 @@ class CpuRasterizer:
         cpu_blend.begin_image(self._width, self._height, self._ws)
         self._record_ends.clear()
         sums.clear()
-        slabs = slabs_of(np.concatenate([chunks.depth_m for chunks in seen]))
+        slabs = slabs_of(np.concatenate([np.empty(0), *(chunks.depth_m for chunks in seen)]))
         for slab, next_limit_bits in zip(slabs, [*(slab.limit_bits for slab in slabs[1:]), FAR_BITS], strict=True):
             for layer, chunks, (nearest_m, farthest_m) in zip(layers, seen, ranges_m, strict=True):
                 if nearest_m < slab.limit_m and farthest_m >= slab.first_m:
@@ -278,13 +274,13 @@ def _shading(packed: PackedAvatar, joints_m: Float32Array) -> Int16Array:
     return _read_only_view(packed_shading(packed, joints_m)).reshape(-1)
 
 
-def _cut(tree: ChunkTree | AvatarTree, coarseness: float) -> Cut:
-    return Cut(_read_only_view(tree.skip), _read_only_view(tree.pixel_m), float(coarseness))
+def _cut(tree: ChunkTree | AvatarTree) -> Cut:
+    return Cut(_read_only_view(tree.skip), _read_only_view(tree.pixel_m), COARSENESS)
 
 
-def _with_cut(scene: PackedScene | ChunkTree, coarseness: float) -> tuple[PackedScene, Cut | None]:
-    return (scene.scene, _cut(scene, coarseness)) if isinstance(scene, ChunkTree) else (scene, None)
+def _with_cut(scene: PackedScene | ChunkTree) -> tuple[PackedScene, Cut | None]:
+    return (scene.scene, _cut(scene)) if isinstance(scene, ChunkTree) else (scene, None)
 
 
-def _avatar_with_cut(packed: PackedAvatar | AvatarTree, coarseness: float) -> tuple[PackedAvatar, Cut | None]:
-    return (packed.avatar, _cut(packed, coarseness)) if isinstance(packed, AvatarTree) else (packed, None)
+def _avatar_with_cut(packed: PackedAvatar | AvatarTree) -> tuple[PackedAvatar, Cut | None]:
+    return (packed.avatar, _cut(packed)) if isinstance(packed, AvatarTree) else (packed, None)

@@ -6,31 +6,18 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.arrays import (
-    BoolArray,
-    Float32Array,
-    Float64Array,
-    FloatingArray,
-    Int32Array,
-    Int64Array,
-    UInt8Array,
-)
+from readygo.common.arrays import AnyArray, BoolArray, Float32Array, Float64Array, Int32Array, Int64Array, UInt8Array
 from readygo.common.avatars import Avatar
-from readygo.common.frames import matrix_from_quat
 from readygo.common.gaussians import GaussianCloud, rgb_of_sh
 from readygo.common.rasterizer.constants import ALPHA_MIN
-from readygo.common.rasterizer.packed.avatar import avatar_normals
-from readygo.common.rasterizer.packed.scene import (
-    CHUNK,
-    chunk_boxes,
-    covariances,
-    morton_codes,
-    opacity_terms,
-    rounded_up,
+from readygo.common.rasterizer.packed.avatar import (
+    JOINTS,
+    avatar_normals,
+    dense_weights,
+    joint_boxes,
+    joint_sets,
 )
-
-GEOMETRY_ROWS = 11
-"""Mean (3), covariance xx xy xz yy yz zz (6), log2 opacity, squared reach in sigmas (negative: padding)."""
+from readygo.common.rasterizer.packed.scene import CHUNK, chunk_rows, morton_codes, pad_chunks, shortest_axes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,22 +84,18 @@ def chunk_cloud(cloud: GaussianCloud) -> ChunkedCloud:
 def chunk_avatar(avatar: Avatar) -> ChunkedAvatar:
     """Chunks of an avatar, so that few joints move each chunk."""
     index = np.flatnonzero(_drawable(avatar.cloud))
-    joints = np.bitwise_or.reduce(
-        np.where(avatar.lbs_weight != 0, np.int64(1) << avatar.lbs_index.astype(np.int64), 0), axis=1
-    )
-    order = index[np.lexsort((morton_codes(avatar.cloud.means_m[index]), joints[index]))]
+    order = index[np.lexsort((morton_codes(avatar.cloud.means_m[index]), joint_sets(avatar)[index]))]
     joint, weight = avatar.lbs_index[order], avatar.lbs_weight[order]
     worn = dataclasses.replace(avatar, cloud=avatar.cloud.select(order), lbs_index=joint, lbs_weight=weight)
-    cloud = _chunks(worn.cloud, centred=False)
-    box_joint, centre, half = _joint_boxes(avatar.cloud.means_m[order].astype(np.float64), joint, weight)
+    box_joint, centre, half = _boxes(worn)
     return ChunkedAvatar(
-        cloud=cloud,
+        cloud=_chunks(worn.cloud, centred=False),
         joint=_rows(joint).astype(np.uint8),
         weight=_rows(weight).astype(np.float32),
         shading=_rows(avatar_normals(worn)).astype(np.float32),
         box_joint=box_joint,
-        box_centre_m=centre.astype(np.float32),
-        box_half_m=rounded_up(half),
+        box_centre_m=centre,
+        box_half_m=half,
     )
 
 
@@ -127,71 +110,32 @@ def _drawable(cloud: GaussianCloud) -> BoolArray:
 def _chunks(cloud: GaussianCloud, *, centred: bool) -> ChunkedCloud:
     """Chunks of a cloud in its order."""
     count, bands = len(cloud), cloud.sh.shape[1] - 1
-    chunks = -(-count // CHUNK)
-    valid = np.arange(chunks * CHUNK).reshape(chunks, CHUNK) < count
-    means = _pad_chunks(cloud.means_m.astype(np.float64))
-    centre, half = chunk_boxes(means, valid)
-    log2_opacity, reach2 = opacity_terms(cloud.opacities)
-    reach = np.sqrt(reach2) * cloud.scales_m.max(axis=1, initial=0.0)
-    rows = np.concatenate(
-        [
-            means - centre[:, None] if centred else means,
-            _pad_chunks(covariances(cloud)),
-            _pad_chunks(log2_opacity[:, None]),
-            _pad_chunks(reach2[:, None]),
-        ],
-        axis=2,
-    )
-    rows[~valid, -1] = -1.0
+    rows = chunk_rows(cloud, centred)
+    chunks = len(rows.geometry)
     return ChunkedCloud(
-        centre_m=centre,
-        half_m=rounded_up(half),
-        reach_m=rounded_up(_pad_chunks(reach[:, None].astype(np.float64))[..., 0].max(axis=1)),
-        geometry=np.ascontiguousarray(rows.swapaxes(1, 2), dtype=np.float32),
+        centre_m=rows.centre_m,
+        half_m=rows.half_m,
+        reach_m=rows.reach_m,
+        geometry=np.ascontiguousarray(rows.geometry.swapaxes(1, 2), dtype=np.float32),
         colour=_rows(rgb_of_sh(cloud.sh[:, 0].astype(np.float64))).astype(np.float32),
         sh=_rows(cloud.sh[:, 1:].reshape(count, 3 * bands)).reshape(chunks, bands, 3, CHUNK).astype(np.float16),
-        normal=_rows(_shortest_axes(cloud)).astype(np.float32),
+        normal=_rows(shortest_axes(cloud)).astype(np.float32),
     )
 
 
-def _pad_chunks(values: FloatingArray) -> Float64Array:
-    """Rows (N, n) in chunks (C, 256, n), filled up with zeros."""
-    chunks = -(-len(values) // CHUNK)
-    padded = np.zeros((chunks * CHUNK, values.shape[1]))
-    padded[: len(values)] = values
-    return padded.reshape(chunks, CHUNK, values.shape[1])
-
-
-def _rows(values: npt.NDArray[np.generic]) -> Float64Array:
+def _rows(values: AnyArray) -> Float64Array:
     """Rows (N, n) as chunks (C, n, 256), filled up with zeros."""
-    chunks = -(-len(values) // CHUNK)
-    padded = np.zeros((chunks * CHUNK, values.shape[1]))
-    padded[: len(values)] = values
-    return np.ascontiguousarray(padded.reshape(chunks, CHUNK, values.shape[1]).swapaxes(1, 2))
+    return np.ascontiguousarray(pad_chunks(values).swapaxes(1, 2))
 
 
-def _shortest_axes(cloud: GaussianCloud) -> Float64Array:
-    """Unit vectors along the axis with the smallest scale, the first one of equals, shape (N, 3)."""
-    q = cloud.quats_wxyz.astype(np.float64)
-    R = matrix_from_quat(q / np.linalg.norm(q, axis=1, keepdims=True))
-    shortest = cloud.scales_m.argmin(axis=1) if len(cloud) else np.zeros(0, dtype=np.int64)
-    return np.take_along_axis(R, shortest[:, None, None], axis=2)[..., 0]
-
-
-def _joint_boxes(
-    means_m: Float64Array, joint: UInt8Array, weight: Float32Array
-) -> tuple[Int32Array, Float64Array, Float64Array]:
+def _boxes(avatar: Avatar) -> tuple[Int32Array, Float32Array, Float32Array]:
     """Boxes around the means of each chunk that each joint moves: joints (C, J), centres and half sizes (C, J, 3)."""
-    chunks = -(-len(means_m) // CHUNK)
-    movers = np.zeros((chunks * CHUNK, 24), dtype=np.bool_)
-    for k in range(4):
-        movers[np.arange(len(means_m)), joint[:, k]] |= weight[:, k] != 0
-    moved = movers.reshape(chunks, CHUNK, 24)
-    chunk, mover = np.nonzero(moved.any(axis=1))
-    place = np.arange(len(chunk)) - np.searchsorted(chunk, chunk)
-    boxes = int(place.max(initial=0)) + 1
-    box_joint = np.full((chunks, boxes), -1, dtype=np.int32)
-    centre, half = np.zeros((chunks, boxes, 3)), np.zeros((chunks, boxes, 3))
-    box_joint[chunk, place] = mover
-    centre[chunk, place], half[chunk, place] = chunk_boxes(_pad_chunks(means_m)[chunk], moved[chunk, :, mover])
-    return box_joint, centre, half
+    weights = pad_chunks(dense_weights(avatar)).reshape(-1, JOINTS)
+    start, joint, centre, half = joint_boxes(avatar.cloud.means_m.astype(np.float64), weights)
+    counts = np.diff(start)
+    chunk = np.repeat(np.arange(len(counts)), counts)
+    place = np.arange(len(joint)) - start[chunk]
+    shape = len(counts), int(counts.max(initial=1))
+    joints, centres, halves = np.full(shape, -1, np.int32), *(np.zeros((*shape, 3), np.float32) for _ in range(2))
+    joints[chunk, place], centres[chunk, place], halves[chunk, place] = joint, centre, half
+    return joints, centres, halves

@@ -12,8 +12,8 @@ from readygo.common.arrays import Int32Array
 from readygo.common.avatars import Avatar
 from readygo.common.avatars.torch_posing import Skeletons, load_skeletons
 from readygo.common.gaussians import GaussianCloud
-from readygo.common.rasterizer.gpu.chunks import GEOMETRY_ROWS, ChunkedCloud, chunk_avatar, chunk_cloud
-from readygo.common.rasterizer.packed.scene import CHUNK
+from readygo.common.rasterizer.gpu.chunks import ChunkedCloud, chunk_avatar, chunk_cloud
+from readygo.common.rasterizer.packed.scene import CHUNK, GEOMETRY_ROWS
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -27,6 +27,7 @@ from readygo.common.errors import ReadygoError, first_line
 from readygo.common.frames import matrix_from_quat
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.spherical_harmonics import SH_C0
+from readygo.common.rasterizer.backend_names import GSPLAT_OUTPUTS
 from readygo.common.rasterizer.constants import ALPHA_MAX, DILATION_PX2, NEAR_M
 from readygo.common.rasterizer.gpu.batch import ViewBatch
 from readygo.common.rasterizer.gpu.chunks import morton_order
@@ -38,8 +39,6 @@ FAR_M = 1e10
 """gsplat wants a far plane; skies are at 1.8 km."""
 TILE_PX = 16
 """The only size that gsplat is tested with."""
-OUTPUTS = frozenset({"rgb", "depth", "alpha", "normal"})
-"""What gsplat can make: it keeps no median Gaussian."""
 
 Rasterization = Callable[..., tuple[Tensor, Tensor, dict[str, Any]]]
 
@@ -124,18 +123,18 @@ class GsplatKernels:
 
         Args:
             batch: Cameras and humans.
-            wanted: Names out of `OUTPUTS`.
+            wanted: Names out of `GSPLAT_OUTPUTS`.
 
         Returns:
             The wanted images.
 
         Raises:
-            ReadygoError: If a wanted image is none of `OUTPUTS`.
+            ReadygoError: If a wanted image is none of `GSPLAT_OUTPUTS`.
         """
-        if not wanted <= OUTPUTS:
+        if not wanted <= GSPLAT_OUTPUTS:
+            lacking = ", ".join(sorted(wanted - GSPLAT_OUTPUTS))
             raise ReadygoError(
-                f"gsplat kernels make {', '.join(sorted(OUTPUTS))}, not {', '.join(sorted(wanted - OUTPUTS))}; "
-                "use triton kernels."
+                f"gsplat kernels make {', '.join(sorted(GSPLAT_OUTPUTS))}, not {lacking}; use triton kernels."
             )
         parts = [self._draw_alike(batch.part(first, end), wanted) for first, end in _alike(batch)]
         names = [name for name in ("rgb", "alpha", "depth_m", "normal") if getattr(parts[0], name) is not None]

@@ -25,7 +25,7 @@ def gains(light: Tensor, normals: Tensor) -> Tensor:
 
 
 def turned_terms(light: Tensor, R: Tensor) -> Tensor:
-    """Terms of quadratic forms in a turned frame, as `readygo.common.gaussians.irradiance.turned` writes them.
+    """Terms of quadratic forms in a turned frame, as `readygo.common.gaussians.irradiance.rotate_forms` writes them.
 
     Args:
         light: Shape (..., 3, 4, 4).

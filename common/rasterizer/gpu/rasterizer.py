@@ -1,6 +1,7 @@
 """The GPU rasterizer: many cameras over one scene, each with its own posed humans, in one call."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from typing import Protocol
 
 import numpy as np
@@ -8,7 +9,6 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from readygo.common.arrays import Float32Array
 from readygo.common.avatars import Avatar
 from readygo.common.errors import ReadygoError
 from readygo.common.gaussians import GaussianCloud
@@ -21,6 +21,8 @@ from readygo.common.rasterizer.interface import View, checked_outputs
 
 VIEWS_AT_ONCE = 64
 """A batch that keeps a GPU busy: on an H100 one of 256 views is a sixth faster per view."""
+PIXELS_AT_ONCE = 1 << 24
+"""Pixels that are drawn together: each takes some 100 bytes on the device until its image is on the host."""
 
 
 class _Kernels(Protocol):
@@ -44,11 +46,9 @@ class GpuRasterizer:
         settings: Choices of the Triton kernels that change speed, not images.
 
     Raises:
-        ValueError: If `kernels` is unknown, or the image has too many tiles.
-        ReadygoError: If a package, a GPU or a compiler is missing.
+        ValueError: If `kernels` is unknown.
+        ReadygoError: If a package, a GPU or a compiler is missing, or the image is too large for the kernels.
     """
-
-    views_at_once = VIEWS_AT_ONCE
 
     def __init__(
         self,
@@ -66,16 +66,23 @@ class GpuRasterizer:
         clouds = [scenes] if isinstance(scenes, GaussianCloud) else list(scenes)
         self._device, self._numbers = torch.device(device), {name: number for number, name in enumerate(avatars)}
         self._size_px = height_px, width_px
+        self._views_max = max(1, PIXELS_AT_ONCE // (height_px * width_px))
         wearers, camera = list(avatars.values()), (np.asarray(K_px, dtype=np.float64), height_px, width_px)
         self._kernels: _Kernels
-        if kernels == "gsplat":
-            from readygo.common.rasterizer.gpu.gsplat_kernels import GsplatKernels
+        with self._as_current_device():
+            if kernels == "gsplat":
+                from readygo.common.rasterizer.gpu.gsplat_kernels import GsplatKernels
 
-            self._kernels = GsplatKernels(clouds, wearers, *camera, self._device)
-        else:
-            from readygo.common.rasterizer.gpu.triton.kernels import TritonKernels
+                self._kernels = GsplatKernels(clouds, wearers, *camera, self._device)
+            else:
+                from readygo.common.rasterizer.gpu.triton.kernels import TritonKernels
 
-            self._kernels = TritonKernels(clouds, wearers, *camera, self._device, settings or TritonSettings())
+                self._kernels = TritonKernels(clouds, wearers, *camera, self._device, settings or TritonSettings())
+
+    @property
+    def views_at_once(self) -> int:
+        """How many views it likes to be given together: fewer of larger images."""
+        return min(VIEWS_AT_ONCE, self._views_max)
 
     def render(self, views: Sequence[View], outputs: Sequence[str] = ("rgb",)) -> Images:
         """The images of views; see `Rasterizer.render`.
@@ -84,33 +91,43 @@ class GpuRasterizer:
             ReadygoError: As `Rasterizer.render`, or if a view has shadows or intrinsics, or its humans a lead.
         """
         wanted = checked_outputs(views, outputs, self._numbers)
-        if not views:
-            return empty_images(0, *self._size_px, wanted)
-        return host_images(self._draw(views, wanted), wanted)
-
-    def render_float(self, view: View) -> Float32Array:
-        """The colours of a view before rounding, not clipped above 1, shape (H, W, 3)."""
-        checked_outputs([view], (), self._numbers)
-        rgb: Float32Array = self._draw([view]).rgb[0].cpu().numpy()
-        return rgb
+        images = empty_images(len(views), *self._size_px, wanted)
+        first = 0
+        for drawn in self._draw(views, wanted):
+            for name, part in host_images(drawn, wanted).arrays().items():
+                getattr(images, name)[first : first + len(part)] = part
+            first += len(drawn.rgb)
+        return images
 
     def render_on_device(self, views: Sequence[View]) -> Tensor:
         """The colours of views as a tensor that stays on the device, uint8, shape (V, H, W, 3)."""
         checked_outputs(views, (), self._numbers)
-        return rgb_bytes(self._draw(views).rgb)
+        rgb = torch.empty((len(views), *self._size_px, 3), dtype=torch.uint8, device=self._device)
+        first = 0
+        for drawn in self._draw(views):
+            rgb[first : first + len(drawn.rgb)] = rgb_bytes(drawn.rgb)
+            first += len(drawn.rgb)
+        return rgb
 
     def set_clock(self, clock: Callable[[str], None]) -> None:
         """Have the names of the stages called out as their work is queued, for benchmarks; gsplat has none."""
         if hasattr(self._kernels, "set_clock"):
             self._kernels.set_clock(clock)
 
-    def _draw(self, views: Sequence[View], wanted: frozenset[str] = frozenset()) -> DeviceImages:
+    def _draw(self, views: Sequence[View], wanted: frozenset[str] = frozenset()) -> Iterator[DeviceImages]:
+        """The images of views, in parts that the device's memory holds."""
         if any(view.shadows is not None for view in views):
             raise ReadygoError("The GPU backends draw no shadows; use the cpu backend.")
         if any(view.K_px is not None for view in views):
             raise ReadygoError("The GPU backends draw one field of view; use the cpu backend.")
         if any(human.lead_m for view in views for human in view.humans):
             raise ReadygoError("The GPU backends draw feet as their depths say; use the cpu backend.")
-        batch = make_batch(views, self._numbers, self._device)
-        with torch.no_grad():
-            return self._kernels.draw(batch, wanted)
+        for first in range(0, len(views), self._views_max):
+            with self._as_current_device(), torch.no_grad():
+                batch = make_batch(views[first : first + self._views_max], self._numbers, self._device)
+                drawn = self._kernels.draw(batch, wanted)
+            yield drawn
+
+    def _as_current_device(self) -> AbstractContextManager[object]:
+        """Make the device the current one: Triton launches there, not where its tensors are."""
+        return torch.cuda.device(self._device) if self._device.type == "cuda" else nullcontext()

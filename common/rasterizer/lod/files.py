@@ -3,12 +3,9 @@
 A folder's name carries the content hash of what it was made from; the first process makes it while others wait.
 """
 
-import fcntl
 import json
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
@@ -20,9 +17,9 @@ from readygo.common.files import unfinished_folder
 from readygo.common.rasterizer.lod.avatar import AvatarTree, build_avatar_tree
 from readygo.common.rasterizer.lod.tree import ChunkTree, build_tree
 from readygo.common.rasterizer.packed.avatar import JOINTS, PackedAvatar, pack_avatar
+from readygo.common.rasterizer.packed.cache import load_or_make
 from readygo.common.rasterizer.packed.scene import BLOCKS, PackedScene, load_packed, map_array, save_packed
 
-T = TypeVar("T")
 Arrays = dict[str, AnyArray]
 
 FORMAT = "readygo-lod/1"
@@ -46,13 +43,13 @@ def load_or_build_tree(folder: str | Path, scene: Callable[[], PackedScene], *, 
         tree = load_tree(Path(folder))
         return None if tree is None or (normals and tree.scene.normal is None) else tree
 
-    return _load_or_make(Path(folder), load, lambda: build_tree(scene()), save_tree)
+    return load_or_make(Path(folder), load, lambda: build_tree(scene()), save_tree)
 
 
 def load_or_build_avatar_tree(folder: str | Path, avatar: Avatar) -> AvatarTree:
     """An avatar's tree in `folder`, whose name carries the avatar's hash; see `load_or_build_tree`."""
     path = Path(folder)
-    return _load_or_make(
+    return load_or_make(
         path, lambda: load_avatar_tree(path), lambda: build_avatar_tree(pack_avatar(avatar)), save_avatar_tree
     )
 
@@ -60,7 +57,7 @@ def load_or_build_avatar_tree(folder: str | Path, avatar: Avatar) -> AvatarTree:
 def load_or_pack_avatar(folder: str | Path, avatar: Avatar) -> PackedAvatar:
     """A packed avatar in `folder`, whose name carries the avatar's hash; see `load_or_build_tree`."""
     path = Path(folder)
-    return _load_or_make(path, lambda: load_packed_avatar(path), lambda: pack_avatar(avatar), save_packed_avatar)
+    return load_or_make(path, lambda: load_packed_avatar(path), lambda: pack_avatar(avatar), save_packed_avatar)
 
 
 def save_tree(tree: ChunkTree, folder: Path) -> None:
@@ -105,50 +102,6 @@ def load_packed_avatar(folder: Path) -> PackedAvatar | None:
     return PackedAvatar(scene=loaded[0], **loaded[1])
 
 
-def _load_or_make(
-    folder: Path, load: Callable[[], T | None], make: Callable[[], T], save: Callable[[T, Path], None]
-) -> T:
-    loaded = load()
-    if loaded is not None:
-        return loaded
-    try:
-        with _one_at_a_time(folder):
-            loaded = load()
-            if loaded is not None:
-                return loaded
-            made = make()
-            save(made, folder)
-    except OSError:
-        # The folder cannot be written: every process has its own.
-        return make()
-    return load() or made
-
-
-def is_being_made(folder: Path) -> bool:
-    """True if another process is making a cache folder: to load it would wait for that."""
-    try:
-        with _lock_of(folder).open() as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    except OSError:
-        # It was never made, or cannot be written here.
-        return False
-    return False
-
-
-def _lock_of(folder: Path) -> Path:
-    return folder.parent / f".{folder.name}.lock"
-
-
-@contextmanager
-def _one_at_a_time(folder: Path) -> Iterator[None]:
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with _lock_of(folder).open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
-
-
 def _arrays_of(owner: object, names: tuple[str, ...]) -> Arrays:
     return {name: getattr(owner, name) for name in names}
 
@@ -181,11 +134,12 @@ def _is_tree(scene: PackedScene, arrays: Arrays) -> bool:
 
 
 def _is_avatar(scene: PackedScene, arrays: Arrays) -> bool:
-    """True if kernels can pose the avatar without leaving its arrays."""
+    """True if kernels can pose and light the avatar without leaving its arrays."""
     blocks, joints, boxes = scene.chunk_count * BLOCKS, len(arrays["joint"]), len(arrays["box_joint"])
     shapes = {"weight": (joints, 16), "box_centre_m": (boxes, 3), "box_half_m": (boxes, 3)}
     return (
-        all(arrays[name].shape == shape for name, shape in shapes.items())
+        scene.normal is not None
+        and all(arrays[name].shape == shape for name, shape in shapes.items())
         and _is_index(arrays["joint_start"], blocks, joints)
         and _is_index(arrays["box_start"], scene.chunk_count, boxes)
         and all(bool(((arrays[name] >= 0) & (arrays[name] < JOINTS)).all()) for name in ("joint", "box_joint"))

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from readygo.common.arrays import Float32Array, Float64Array, Int16Array, Int64Array
+from readygo.common.arrays import AnyArray, Float32Array, Float64Array, Int16Array, Int64Array
 from readygo.common.avatars import Avatar
 from readygo.common.avatars.shading import outward_normals
 from readygo.common.rasterizer.constants import ALPHA_MIN
@@ -22,6 +22,7 @@ from readygo.common.rasterizer.packed.scene import (
     flatness,
     morton_codes,
     pack_sorted,
+    pad_chunks,
     rounded_up,
     shortest_axes,
 )
@@ -58,8 +59,7 @@ class PackedAvatar:
 def pack_avatar(avatar: Avatar) -> PackedAvatar:
     """Pack an avatar; Gaussians that never reach alpha 1/255 are left out."""
     index = np.flatnonzero(avatar.cloud.opacities >= np.float32(ALPHA_MIN))
-    joints = _joint_sets(avatar)
-    order = index[np.lexsort((morton_codes(avatar.cloud.means_m[index]), joints[index]))]
+    order = index[np.lexsort((morton_codes(avatar.cloud.means_m[index]), joint_sets(avatar)[index]))]
     weights = dense_weights(avatar)[order]
     scene = pack_sorted(avatar.cloud.select(order), centred=False, normals=True)
     padded = np.zeros((scene.chunk_count * CHUNK, JOINTS), dtype=np.float32)
@@ -67,7 +67,7 @@ def pack_avatar(avatar: Avatar) -> PackedAvatar:
     # Per block of 16 the joints that move any of its Gaussians, in ascending order.
     blocks = padded.reshape(-1, 16, JOINTS)
     block_index, joint = np.nonzero((blocks != 0).any(axis=1))
-    box_start, box_joint, centre, half = _boxes(avatar.cloud.means_m[order].astype(np.float64), padded)
+    box_start, box_joint, centre, half = joint_boxes(avatar.cloud.means_m[order].astype(np.float64), padded)
     return PackedAvatar(
         scene=scene,
         joint_start=np.searchsorted(block_index, np.arange(len(blocks) + 1)).astype(np.int64),
@@ -116,7 +116,7 @@ def avatar_normals(avatar: Avatar) -> Float64Array:
     return outward_normals(means, axes, flat, dense_weights(avatar), avatar.joints_canonical_m)
 
 
-def _joint_sets(avatar: Avatar) -> Int64Array:
+def joint_sets(avatar: Avatar) -> Int64Array:
     """Bit set of the joints that move each Gaussian, shape (N,)."""
     bits = np.where(avatar.lbs_weight != 0, np.int64(1) << avatar.lbs_index.astype(np.int64), 0)
     joints: Int64Array = np.bitwise_or.reduce(bits, axis=1)
@@ -132,13 +132,16 @@ def dense_weights(avatar: Avatar) -> Float32Array:
     return dense
 
 
-def _boxes(means_m: Float64Array, weights: Float32Array) -> tuple[Int64Array, Int64Array, Float32Array, Float32Array]:
-    """Boxes around the means of each chunk that each joint moves: starts per chunk, joints, centres, half sizes."""
+def joint_boxes(means_m: Float64Array, weights: AnyArray) -> tuple[Int64Array, Int64Array, Float32Array, Float32Array]:
+    """Boxes around the means of each chunk that each joint moves: starts per chunk, joints, centres, half sizes.
+
+    Args:
+        means_m: Means [m], shape (N, 3).
+        weights: Weights of all joints, the last chunk filled up with zeros, shape (256 C, 24).
+    """
     chunks = len(weights) // CHUNK
-    padded = np.zeros((chunks * CHUNK, 3))
-    padded[: len(means_m)] = means_m
     moved = (weights != 0).reshape(chunks, CHUNK, JOINTS)
     chunk, joint = np.nonzero(moved.any(axis=1))
-    centre, half = chunk_boxes(padded.reshape(chunks, CHUNK, 3)[chunk], moved[chunk, :, joint])
+    centre, half = chunk_boxes(pad_chunks(means_m)[chunk], moved[chunk, :, joint])
     start = np.searchsorted(chunk, np.arange(chunks + 1)).astype(np.int64)
     return start, joint.astype(np.int64), centre.astype(np.float32), rounded_up(half)

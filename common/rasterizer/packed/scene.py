@@ -12,6 +12,7 @@ import mmap
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from readygo.common.errors import ReadygoError, SceneError
 from readygo.common.files import unfinished_folder, write_then_rename
 from readygo.common.gaussians import GaussianCloud, rgb_of_sh
 from readygo.common.rasterizer.constants import ALPHA_MIN
+from readygo.common.rasterizer.packed.cache import one_at_a_time
 
 FORMAT = "readygo-packed/1"
 CHUNK = 256
@@ -137,29 +139,43 @@ def _empty_pack(chunks: int, coefficients: int, step: float) -> PackedScene:
 
 def _pack_piece(cloud: GaussianCloud, step: float, centred: bool, scene: PackedScene, first: int) -> None:
     """Write a part of a cloud to the chunks of `scene` from `first` on."""
-    count = len(cloud)
-    chunks = -(-count // CHUNK)
-    here = slice(first, first + chunks)
-    valid = np.arange(chunks * CHUNK).reshape(chunks, CHUNK) < count
-    means = _pad_chunks(cloud.means_m.astype(np.float64), chunks)
-    log2_opacity, reach2 = opacity_terms(cloud.opacities)
-    largest_scale = cloud.scales_m.max(axis=1, initial=0.0).astype(np.float64)
-    reach = _pad_chunks((np.sqrt(reach2) * largest_scale)[:, None], chunks)[..., 0].max(axis=1)
-    centre, half = chunk_boxes(means, valid)
-    relative = means - centre[:, None] if centred else means
-    terms = [
-        _pad_chunks(covariances(cloud), chunks),
-        *(_pad_chunks(term[:, None], chunks) for term in (log2_opacity, reach2)),
-    ]
-    rows = np.concatenate([relative, *terms], axis=2)
-    rows[~valid, REACH2] = -1.0
-    scene.centre_m[here], scene.half_m[here], scene.reach_m[here] = centre, rounded_up(half), rounded_up(reach)
-    scene.geometry[here] = _blocks(rows)
+    rows = chunk_rows(cloud, centred)
+    here = slice(first, first + len(rows.geometry))
+    scene.centre_m[here], scene.half_m[here], scene.reach_m[here] = rows.centre_m, rows.half_m, rows.reach_m
+    scene.geometry[here] = _blocks(rows.geometry)
     if len(scene.sh):
-        scene.sh[here] = _sh_steps(cloud, chunks, step)
+        scene.sh[here] = _sh_steps(cloud, step)
     else:
         rgb = np.maximum(rgb_of_sh(cloud.sh[:, 0].astype(np.float64)), 0.0)
-        scene.colour[here] = _blocks(_pad_chunks(rgb, chunks))
+        scene.colour[here] = _blocks(pad_chunks(rgb))
+
+
+class ChunkRows(NamedTuple):
+    """C chunks of a cloud in its order; a row of numbers per Gaussian."""
+
+    centre_m: Float64Array
+    """Centre of each chunk's means [m], shape (C, 3)."""
+    half_m: Float32Array
+    """Half sizes of the box around a chunk's means [m], shape (C, 3)."""
+    reach_m: Float32Array
+    """Largest distance from its mean at which a Gaussian of the chunk has alpha 1/255 [m], shape (C,)."""
+    geometry: Float64Array
+    """The columns of `GEOMETRY_ROWS`, shape (C, 256, 11)."""
+
+
+def chunk_rows(cloud: GaussianCloud, centred: bool) -> ChunkRows:
+    """Chunks of a cloud in its order; with `centred` means are relative to their chunk's centre."""
+    means = pad_chunks(cloud.means_m.astype(np.float64))
+    valid = np.arange(means.shape[0] * CHUNK).reshape(-1, CHUNK) < len(cloud)
+    log2_opacity, reach2 = opacity_terms(cloud.opacities)
+    largest_scale = cloud.scales_m.max(axis=1, initial=0.0).astype(np.float64)
+    reach = pad_chunks((np.sqrt(reach2) * largest_scale)[:, None])[..., 0].max(axis=1)
+    centre, half = chunk_boxes(means, valid)
+    relative = means - centre[:, None] if centred else means
+    terms = [covariances(cloud), log2_opacity[:, None], reach2[:, None]]
+    geometry = np.concatenate([relative, *(pad_chunks(term) for term in terms)], axis=2)
+    geometry[~valid, REACH2] = -1.0
+    return ChunkRows(centre, rounded_up(half), rounded_up(reach), geometry)
 
 
 def chunk_boxes(means_m: Float64Array, valid: BoolArray) -> tuple[Float64Array, Float64Array]:
@@ -250,7 +266,7 @@ def _normals(cloud: GaussianCloud, order: Int64Array) -> Int16Array:
     for start in range(0, len(order), PIECE):
         axes = shortest_axes(cloud.select(order[start : start + PIECE]))
         chunks = -(-len(axes) // CHUNK)
-        normal[start // CHUNK :][:chunks] = _blocks(_pad_chunks(np.rint(axes / NORMAL_STEP), chunks))
+        normal[start // CHUNK :][:chunks] = _blocks(pad_chunks(np.rint(axes / NORMAL_STEP)))
     return normal
 
 
@@ -261,8 +277,9 @@ def opacity_terms(opacities: Float32Array) -> tuple[Float64Array, Float64Array]:
     return log_opacity / math.log(2.0), np.maximum(2.0 * (log_opacity - math.log(ALPHA_MIN)), 0.0)
 
 
-def _pad_chunks(rows: Float64Array, chunks: int) -> Float64Array:
-    """Rows in chunks, shape (C, 256, n), the last chunk filled up with zeros."""
+def pad_chunks(rows: AnyArray) -> Float64Array:
+    """Rows (N, n) in chunks, shape (C, 256, n), the last chunk filled up with zeros."""
+    chunks = -(-len(rows) // CHUNK)
     out = np.zeros((chunks * CHUNK, rows.shape[1]), dtype=np.float64)
     out[: len(rows)] = rows
     return out.reshape(chunks, CHUNK, rows.shape[1])
@@ -282,12 +299,12 @@ def _sh_step(cloud: GaussianCloud, pieces: list[Int64Array]) -> float:
     return float(np.float32(max(largest, 1e-6) / 32767.0))
 
 
-def _sh_steps(cloud: GaussianCloud, chunks: int, step: float) -> Float64Array:
+def _sh_steps(cloud: GaussianCloud, step: float) -> Float64Array:
     """Coefficients as whole numbers of steps, shape (C, 16, 3, K, 16)."""
     coefficients = cloud.sh.shape[1]
     steps = np.clip(np.rint(cloud.sh.astype(np.float64) / step), -32767, 32767)
     rows = steps.transpose(0, 2, 1).reshape(len(cloud), 3 * coefficients)
-    return _blocks(_pad_chunks(rows, chunks)).reshape(chunks, BLOCKS, 3, coefficients, 16)
+    return _blocks(pad_chunks(rows)).reshape(-1, BLOCKS, 3, coefficients, 16)
 
 
 def save_packed(scene: PackedScene, folder: str | Path) -> None:
@@ -357,6 +374,8 @@ def _load_normals(folder: Path, chunks: int) -> Int16Array | None:
 def load_or_pack(folder: str | Path, cloud: Callable[[], GaussianCloud], *, normals: bool = False) -> PackedScene:
     """The packed scene in `folder`; packed from `cloud()` and written there if it is missing or damaged.
 
+    Processes that want it at the same time wait for the first one and then load what it packed.
+
     Args:
         folder: Cache folder of one cloud; its name carries the cloud's content hash.
         cloud: Loads the cloud; not called when the cache is good.
@@ -365,10 +384,14 @@ def load_or_pack(folder: str | Path, cloud: Callable[[], GaussianCloud], *, norm
     Returns:
         A read-only memory map, or the pack itself where the folder cannot be written.
     """
-    cloud = functools.cache(cloud)
-    packed = load_packed(folder) or _pack_into(Path(folder), cloud())
-    if normals and packed.normal is None:
-        return _add_normals(packed, Path(folder), cloud())
+    folder, cloud = Path(folder), functools.cache(cloud)
+    packed = load_packed(folder)
+    if packed is None or (normals and packed.normal is None):
+        with one_at_a_time(folder):
+            # Another process may have packed it meanwhile.
+            packed = load_packed(folder) or _pack_into(folder, cloud())
+            if normals and packed.normal is None:
+                packed = _add_normals(packed, folder, cloud())
     return packed
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from readygo.common.scenes.embedded import decor, seating, storage
 from readygo.common.scenes.embedded.free_floor import FreeFloor
-from readygo.common.scenes.embedded.furnishing import hang_lamps
+from readygo.common.scenes.embedded.furnishing import DARK, OAK, WHITE, hang_lamps
 from readygo.common.scenes.embedded.plan import FloorPlan, Room
 from readygo.common.scenes.embedded.shell import facing_wall, local_openings
 from readygo.common.scenes.embedded.surfaces import Surfaces
@@ -24,7 +24,6 @@ _FREE_M = 0.4
 _SMALL_PIECES = (2, 8)
 _PICTURES = 3
 _SIDES = ("north", "east", "south", "west")
-_OAK, _DARK, _WHITE = (0.66, 0.48, 0.31), (0.36, 0.25, 0.17), (0.92, 0.91, 0.88)
 _BLUE, _GREEN, _RED, _SAND = (0.36, 0.48, 0.53), (0.38, 0.48, 0.36), (0.62, 0.26, 0.20), (0.80, 0.68, 0.48)
 _RUG = (_RED, (0.90, 0.82, 0.66), (0.16, 0.22, 0.33))
 
@@ -244,7 +243,7 @@ def _armchair(rng: np.random.Generator) -> Piece:
 
 
 def _television(rng: np.random.Generator) -> Piece:
-    width, colour = _width(rng, 1.3, 1.8), _one_of(rng, _DARK, _OAK, _WHITE)
+    width, colour = _width(rng, 1.3, 1.8), _one_of(rng, DARK, OAK, WHITE)
 
     def build(at: Surfaces) -> None:
         storage.sideboard(at, width, 0.52, colour)
@@ -254,7 +253,7 @@ def _television(rng: np.random.Generator) -> Piece:
 
 
 def _sideboard(rng: np.random.Generator, depth_m: float = 0.42) -> Piece:
-    width, height, colour = _width(rng, 0.8, 1.5), _width(rng, 0.6, 0.9), _one_of(rng, _OAK, _DARK, _WHITE, _BLUE)
+    width, height, colour = _width(rng, 0.8, 1.5), _width(rng, 0.6, 0.9), _one_of(rng, OAK, DARK, WHITE, _BLUE)
     lit = bool(rng.integers(2))
 
     def build(at: Surfaces) -> None:
@@ -269,7 +268,7 @@ def _sideboard(rng: np.random.Generator, depth_m: float = 0.42) -> Piece:
 
 
 def _bookshelf(rng: np.random.Generator) -> Piece:
-    width, height, colour = _width(rng, 0.9, 2.0), _width(rng, 1.2, 2.1), _one_of(rng, _WHITE, _DARK, _OAK)
+    width, height, colour = _width(rng, 0.9, 2.0), _width(rng, 1.2, 2.1), _one_of(rng, WHITE, DARK, OAK)
 
     def build(at: Surfaces) -> None:
         storage.bookshelf(at, width, height, colour, shelves=3 if height < 1.5 else 5)
@@ -287,7 +286,7 @@ def _plant(rng: np.random.Generator) -> Piece:
 
 
 def _counter(rng: np.random.Generator) -> Piece:
-    width, colour = _width(rng, 1.9, 3.1), _one_of(rng, _BLUE, _GREEN, _WHITE)
+    width, colour = _width(rng, 1.9, 3.1), _one_of(rng, _BLUE, _GREEN, WHITE)
     modules = round(width / 0.6)
 
     def build(at: Surfaces) -> None:
@@ -315,7 +314,7 @@ def _bed(rng: np.random.Generator) -> Piece:
 
 
 def _wardrobe(rng: np.random.Generator) -> Piece:
-    width, colour = _width(rng, 1.0, 2.2), _one_of(rng, (0.82, 0.78, 0.70), _OAK, _WHITE)
+    width, colour = _width(rng, 1.0, 2.2), _one_of(rng, (0.82, 0.78, 0.70), OAK, WHITE)
 
     def build(at: Surfaces) -> None:
         storage.wardrobe(at, width, colour)
@@ -324,7 +323,7 @@ def _wardrobe(rng: np.random.Generator) -> Piece:
 
 
 def _desk(rng: np.random.Generator) -> Piece:
-    width, colour = _width(rng, 1.2, 1.8), _one_of(rng, (0.55, 0.39, 0.25), _WHITE, _OAK)
+    width, colour = _width(rng, 1.2, 1.8), _one_of(rng, (0.55, 0.39, 0.25), WHITE, OAK)
 
     def build(at: Surfaces) -> None:
         seating.table(at.at(0.0, -0.40), (width, 0.75, 0.74), colour, seed=9)
@@ -338,7 +337,7 @@ def _bench(rng: np.random.Generator) -> Piece:
     width = _width(rng, 0.9, 1.3)
 
     def build(at: Surfaces) -> None:
-        seating.bench(at, _OAK, width_m=width)
+        seating.bench(at, OAK, width_m=width)
         decor.coat_rack(at)
 
     return Piece(width_m=max(width, 1.0), depth_m=0.36, height_m=1.75, build=build)
@@ -348,7 +347,7 @@ def _dining_table(rng: np.random.Generator) -> Piece:
     width, padded = _width(rng, 1.2, 1.8), _one_of(rng, (0.72, 0.30, 0.24), _BLUE, _SAND)
 
     def build(at: Surfaces) -> None:
-        seating.table(at, (width, 0.85, 0.75), _OAK, seed=5)
+        seating.table(at, (width, 0.85, 0.75), OAK, seed=5)
         decor.fruit_bowl(at.at(0.1, 0.05), 0.75)
         for x in (-width / 4, width / 4):
             seating.chair(at.at(x, 0.52), (0.82, 0.66, 0.45), padded=padded)
@@ -361,7 +360,7 @@ def _round_table(rng: np.random.Generator) -> Piece:
     radius = _width(rng, 0.35, 0.5)
 
     def build(at: Surfaces) -> None:
-        seating.round_table(at, radius, 0.6, _OAK)
+        seating.round_table(at, radius, 0.6, OAK)
         decor.vase(at, 0.6, (0.35, 0.50, 0.55), flowers=(0.70, 0.50, 0.80))
 
     return Piece(width_m=2 * radius, depth_m=2 * radius, height_m=1.0, build=build)
@@ -373,6 +372,6 @@ def _rug(rng: np.random.Generator) -> Piece:
 
     def build(at: Surfaces) -> None:
         decor.rug(at, width, depth, _RUG)
-        seating.table(at, (0.9, 0.55, 0.42), _OAK)
+        seating.table(at, (0.9, 0.55, 0.42), OAK)
 
     return Piece(width_m=0.9, depth_m=0.55, height_m=0.42, build=build)

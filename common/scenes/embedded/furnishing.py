@@ -5,9 +5,9 @@ from readygo.common.scenes.embedded.plan import FLAT, NORTH_M, PENDANT_M, SOUTH_
 from readygo.common.scenes.embedded.shell import facing_wall
 from readygo.common.scenes.embedded.surfaces import Surfaces
 
-_OAK = (0.66, 0.48, 0.31)
-_DARK = (0.36, 0.25, 0.17)
-_WHITE = (0.92, 0.91, 0.88)
+OAK = (0.66, 0.48, 0.31)
+DARK = (0.36, 0.25, 0.17)
+WHITE = (0.92, 0.91, 0.88)
 
 
 def furnish(build: Surfaces) -> None:
@@ -38,18 +38,18 @@ def _on_wall(build: Surfaces, room: str, side: str, along_m: float) -> Surfaces:
 def _living_room(build: Surfaces) -> None:
     decor.rug(build.at(-3.0, 2.75), 2.6, 2.2, ((0.62, 0.20, 0.17), (0.90, 0.82, 0.66), (0.16, 0.22, 0.33)))
     seating.sofa(build.at(-1.55, 2.75, yaw_deg=-90), (0.33, 0.43, 0.52))
-    seating.table(build.at(-3.05, 2.75), (0.62, 1.05, 0.42), _OAK)
+    seating.table(build.at(-3.05, 2.75), (0.62, 1.05, 0.42), OAK)
     decor.fruit_bowl(build.at(-3.05, 2.95), 0.42)
     build.at(-3.0, 2.45).box((-0.12, -0.16, 0.42), (0.12, 0.16, 0.46), 0.06, (0.75, 0.3, 0.25), solid=False)
     seating.sofa(
         build.at(-3.35, 4.62, yaw_deg=12), (0.78, 0.55, 0.24), width_m=0.92, seats=1, accent=(0.25, 0.38, 0.42)
     )
-    storage.sideboard(_on_wall(build, "living room", "west", 3.25), 1.5, 0.52, _DARK)
+    storage.sideboard(_on_wall(build, "living room", "west", 3.25), 1.5, 0.52, DARK)
     decor.television(_on_wall(build, "living room", "west", 3.25), 0.52)
-    storage.bookshelf(build.at(-4.25, 0.6, yaw_deg=180), 1.5, 1.95, _WHITE)
+    storage.bookshelf(build.at(-4.25, 0.6, yaw_deg=180), 1.5, 1.95, WHITE)
     decor.potted_plant(build.at(-4.85, 4.42), 1.35)
     decor.floor_lamp(build.at(0.15, 4.45))
-    storage.sideboard(_on_wall(build, "living room", "east", 1.25), 1.4, 0.78, _OAK)
+    storage.sideboard(_on_wall(build, "living room", "east", 1.25), 1.4, 0.78, OAK)
     decor.table_lamp(_on_wall(build, "living room", "east", 0.85).at(0, -0.2), 0.78)
     decor.vase(_on_wall(build, "living room", "east", 1.55).at(0, -0.2), 0.78, (0.25, 0.42, 0.50))
     decor.palm(build.at(0.22, 0.9), 1.55)
@@ -76,13 +76,13 @@ def _kitchen(build: Surfaces) -> None:
     east = build.at(5.2, 4.8, yaw_deg=-90)
     storage.kitchen_counter(east, 1.6, blue, modules=2)
     decor.fruit_bowl(east.at(1.2, -0.3), 0.91)
-    seating.table(build.at(2.9, 1.95), (1.5, 0.85, 0.75), _OAK, seed=5)
+    seating.table(build.at(2.9, 1.95), (1.5, 0.85, 0.75), OAK, seed=5)
     decor.vase(build.at(2.75, 1.95), 0.75, (0.90, 0.88, 0.82), flowers=(0.95, 0.75, 0.25))
     build.at(3.2, 1.85).tube((0, 0, 0.75), 0.09, 0.04, 0.045, 0.03, (0.85, 0.45, 0.3))
     for x, y, yaw in ((2.5, 2.47, 0), (3.3, 2.44, 8), (2.5, 1.44, 180), (3.38, 1.36, 165)):
         seating.chair(build.at(x, y, yaw_deg=yaw), (0.82, 0.66, 0.45), padded=(0.72, 0.30, 0.24))
     decor.potted_plant(build.at(4.8, 1.0), 1.1, pot=(0.35, 0.45, 0.55))
-    storage.sideboard(_on_wall(build, "kitchen", "west", 2.75), 1.1, 0.85, _WHITE)
+    storage.sideboard(_on_wall(build, "kitchen", "west", 2.75), 1.1, 0.85, WHITE)
     decor.table_lamp(_on_wall(build, "kitchen", "west", 2.5).at(0, -0.2), 0.85)
     decor.picture(_on_wall(build, "kitchen", "west", 2.85), 3, (0.7, 0.7), z_m=1.55)
     decor.picture(build.at(1.9, 0.6, yaw_deg=180), 4, (0.9, 0.6))
@@ -94,10 +94,10 @@ def _hall(build: Surfaces) -> None:
         build.at(-0.6, -0.32), 5.4, 0.78, ((0.20, 0.30, 0.36), (0.83, 0.74, 0.58), (0.62, 0.24, 0.18)), cell_m=0.065
     )
     decor.front_door(build.at(-4.55, -1.1, yaw_deg=180))
-    seating.bench(build.at(-4.1, 0.5), _OAK, width_m=1.0)
+    seating.bench(build.at(-4.1, 0.5), OAK, width_m=1.0)
     decor.coat_rack(build.at(-4.1, 0.5))
     console = build.at(1.2, 0.5)
-    seating.table(console.at(0, -0.17), (1.1, 0.30, 0.78), _DARK, leg_m=0.02)
+    seating.table(console.at(0, -0.17), (1.1, 0.30, 0.78), DARK, leg_m=0.02)
     decor.vase(console.at(-0.3, -0.16), 0.78, (0.62, 0.24, 0.20), flowers=(0.92, 0.88, 0.90))
     decor.table_lamp(console.at(0.35, -0.16), 0.78)
     decor.picture(console, 2, (0.9, 0.6), z_m=1.68, frame=(0.72, 0.58, 0.30))
@@ -136,7 +136,7 @@ def _study(build: Surfaces) -> None:
     decor.table_lamp(desk.at(-0.65, 0.15), 0.74)
     seating.office_chair(build.at(2.8, -3.78, yaw_deg=15), (0.20, 0.24, 0.28))
     decor.rug(build.at(2.45, -2.55), 2.0, 1.5, ((0.24, 0.36, 0.33), (0.86, 0.77, 0.57), (0.70, 0.44, 0.24)))
-    seating.round_table(build.at(2.3, -2.6), 0.38, 0.55, _OAK)
+    seating.round_table(build.at(2.3, -2.6), 0.38, 0.55, OAK)
     decor.vase(build.at(2.3, -2.6), 0.55, (0.35, 0.50, 0.55), flowers=(0.70, 0.50, 0.80))
     seating.sofa(
         build.at(4.86, -1.66, yaw_deg=-40), (0.50, 0.24, 0.20), width_m=0.94, seats=1, accent=(0.85, 0.75, 0.55)

@@ -2,7 +2,3 @@
 
 Importing this package loads no torch; `readygo.services.animator.priormdm.source` does.
 """
-
-from readygo.services.animator.priormdm.config import PriorMdmConfig
-
-__all__ = ["PriorMdmConfig"]

@@ -46,16 +46,16 @@ def fade_weights(count: int, starts: list[int], overlap: int, window: int = WIND
     return weights
 
 
-def over_windows(predict: PredictBatch, count: int, overlap: int, window: int = WINDOW) -> Predict:
+def over_windows(predict: PredictBatch, count: int, overlap: int) -> Predict:
     """A predictor for motions of `count` frames from one for windows."""
-    starts = window_starts(count, overlap, window)
-    weights = fade_weights(count, starts, overlap, window).astype(np.float32)[..., None]
+    starts = window_starts(count, overlap)
+    weights = fade_weights(count, starts, overlap).astype(np.float32)[..., None]
 
     def whole(x: Float32Array, step: int) -> Float32Array:
-        parts = predict(np.stack([x[start : start + window] for start in starts]), step)
+        parts = predict(np.stack([x[start : start + WINDOW] for start in starts]), step)
         clean = np.zeros_like(x)
         for start, part, weight in zip(starts, parts, weights, strict=True):
-            clean[start : start + window] += weight * part
+            clean[start : start + WINDOW] += weight * part
         return clean
 
     return whole

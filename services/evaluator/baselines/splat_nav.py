@@ -54,10 +54,6 @@ class Polygon:
 
     planes: Float64Array
 
-    def margin_m(self, xy_m: Float64Array) -> float:
-        """How far a point is inside [m]; below 0 outside."""
-        return float((self.planes[:, 2] - self.planes[:, :2] @ xy_m).min())
-
 
 @dataclass
 class Way:

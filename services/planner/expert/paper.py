@@ -114,7 +114,7 @@ class PaperExpert:
             self._replan(simulation, near)
             self.replan_times_s.append(time.thread_time() - started_s)
         expected_m = expected_array(humans, self._ahead_steps)
-        v, w = self._hold_command(simulation, self._drive(simulation, expected_m))
+        v, w = self._drive(simulation, expected_m)
         return Decision(
             v_mps=v,
             w_radps=w,
@@ -233,17 +233,9 @@ class PaperExpert:
         body = self._bodies[human.index]
         return footprint_xy(body.footprint, body.avatar, body.human.motion, step)
 
-    def _hold_command(self, simulation: EpisodeSimulation, command: tuple[float, float]) -> tuple[float, float]:
-        """A command for one step as one that is held for longer: it changes as fast."""
-        steps = self._clock.held_for(simulation.step)
-        if steps == 1:
-            return command
-        now = simulation.v_mps, simulation.w_radps
-        v, w = (before + steps * (wanted - before) for before, wanted in zip(now, command, strict=True))
-        return v, w
-
     def _drive(self, simulation: EpisodeSimulation, expected_m: Float64Array) -> tuple[float, float]:
-        state = state_of(simulation)
+        state, held_steps = state_of(simulation), self._clock.held_for(simulation.step)
         if self._plan is None:
-            return self._tracker.turn(state, self._local.way_out_rad(*state[:3], self._goal_m), expected_m)
-        return self._tracker.command(state, expected_m)
+            turn_rad = self._local.way_out_rad(*state[:3], self._goal_m)
+            return self._tracker.turn(state, turn_rad, expected_m, held_steps=held_steps)
+        return self._tracker.command(state, expected_m, held_steps=held_steps)

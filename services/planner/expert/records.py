@@ -26,7 +26,7 @@ def state_of(simulation: EpisodeSimulation) -> State:
 
 
 class Limits(NamedTuple):
-    """What a robot can do."""
+    """What a robot can do, and how long it holds commands."""
 
     v_max_mps: float
     w_max_radps: float
@@ -36,10 +36,14 @@ class Limits(NamedTuple):
     """Largest speed backwards, negative."""
     step_s: float = DT_S
     """Length of a step of its clock [s]."""
+    held_steps: int = 1
+    """Steps during which the command that is decided on now is held."""
+    period_steps: int = 1
+    """Steps during which each later command is held."""
 
 
 def robot_limits(robot: RobotConfig) -> Limits:
-    """The limits of a robot."""
+    """The limits of a robot, for a command of one step."""
     return Limits(
         robot.v_max_mps,
         robot.w_max_radps,
@@ -47,6 +51,7 @@ def robot_limits(robot: RobotConfig) -> Limits:
         robot.alpha_max_radps2,
         robot.v_min_mps,
         robot.clock.dt_s,
+        period_steps=robot.clock.control_every,
     )
 
 

@@ -5,7 +5,8 @@ Burgard and Thrun, The dynamic window approach to collision avoidance, IEEE RAM 
 
 Legend: a state is x, y [m], yaw [rad], v [m/s], w [rad/s]; rows of a path are x, y, yaw, speed, negative backwards.
 Pure pursuit: with the target at (ahead, left) in the robot's axes, the arc through it that begins along the heading has
-the curvature 2 left / (ahead^2 + left^2), and w = v * curvature.
+the curvature 2 left / (ahead^2 + left^2), and w = v * curvature. A command is held for h steps of dt; beyond_s is the
+time of all of them but the first, (h - 1) dt.
 """
 
 import math
@@ -34,6 +35,10 @@ _ARRIVED_M = 0.08
 """So near its end has the robot done such a stretch [m]."""
 _SQUARED_MIN_M2 = 0.04
 """Targets count as at least 0.2 m away, which bounds the curvature."""
+_TURN_GAIN_PER_S = 2.0
+"""Turn rate in place per angle that is left to turn [1/s]."""
+_HELD_WAYS = 2.0
+"""Look-ahead of a held command, in ways that the robot drives meanwhile; from one on, pursuit oscillates."""
 _OVERLAP_M = 0.3
 """Added to the overlap with a human of an evasion, of which every metre costs 20 [m]."""
 TRACKING_MARGIN_M = 0.01
@@ -77,9 +82,10 @@ def _clip(value: float, low: float, high: float) -> float:
 
 
 @kernel_with_cache
-def limit_command(v: float, w: float, state: State, limits: Limits) -> tuple[float, float]:
-    """The command that the robot executes when (v, w) is asked for."""
-    v_max, w_max, a_max, alpha_max, v_min, dt = limits
+def limit_command(v: float, w: float, state: State, limits: Limits, steps: int = 1) -> tuple[float, float]:
+    """The command that the robot executes when (v, w) is asked for: what it reaches within some steps."""
+    v_max, w_max, a_max, alpha_max, v_min, step_s, _, _ = limits
+    dt = steps * step_s
     return (
         _clip(_clip(v, v_min, v_max), state[3] - a_max * dt, state[3] + a_max * dt),
         _clip(_clip(w, -w_max, w_max), state[4] - alpha_max * dt, state[4] + alpha_max * dt),
@@ -87,14 +93,48 @@ def limit_command(v: float, w: float, state: State, limits: Limits) -> tuple[flo
 
 
 @kernel_with_cache
+def turn_rate(angle: float, held_s: float) -> float:
+    """Turn rate in place towards a heading that is away by an angle, for a command that is held for `held_s`."""
+    return min(_TURN_GAIN_PER_S, 1.0 / held_s) * angle
+
+
+@kernel_with_cache
+def _slow_for_hold(path: Float64Array, progress: int, speed: float, beyond_s: float) -> float:
+    """At most `speed`, so that a held command drives over no slower stretch of the path too fast."""
+    gear = -1.0 if path[progress, 3] < 0 else 1.0
+    for k in range(progress + 1, len(path)):
+        way = math.sqrt((path[k, 0] - path[progress, 0]) ** 2 + (path[k, 1] - path[progress, 1]) ** 2)
+        if way >= speed * beyond_s or gear * path[k, 3] < 0:
+            break
+        speed = min(speed, max(abs(path[k, 3]), way / beyond_s))
+    return speed
+
+
+@kernel_with_cache
+def _mean_speed(v: float, state: State, limits: Limits, held: int) -> float:
+    """Mean speed while a command to drive at `v` is held."""
+    now, way = state[3], 0.0
+    change = limits.a_max_mps2 * limits.step_s
+    for _ in range(held):
+        now = _clip(v, now - change, now + change)
+        way += now
+    return way / held
+
+
+@kernel_with_cache
 def _pursue(
-    path: Float64Array, progress: int, state: State, lookahead: float, scale: float, limits: Limits
+    path: Float64Array, progress: int, state: State, lookahead: float, scale: float, limits: Limits, held: int
 ) -> tuple[float, float]:
-    """Command of one pursuit step, within the limits."""
+    """Command of pursuit that is held for some steps, within what the robot reaches in them."""
     x, y, yaw, _, _ = state
     w_max = limits[1]
     target = len(path) - 1
     gear = -1.0 if path[progress, 3] < 0 else 1.0
+    wanted = scale * path[progress, 3]
+    if held > 1:
+        beyond_s = (held - 1) * limits.step_s
+        wanted = gear * _slow_for_hold(path, progress, abs(wanted), beyond_s)
+        lookahead = max(lookahead, _HELD_WAYS * beyond_s * abs(_mean_speed(wanted, state, limits, held)))
     # The target: the first point beyond the look-ahead, or the last one of this gear.
     for k in range(progress, len(path)):
         if gear * path[k, 3] < 0:
@@ -108,16 +148,18 @@ def _pursue(
     ahead, left = c * dx + s * dy, c * dy - s * dx
     bearing = math.atan2(gear * left, gear * ahead)
     curvature = 2 * left / max(ahead * ahead + left * left, _SQUARED_MIN_M2)
-    wanted = scale * path[progress, 3]
     if abs(bearing) > _TURN_FIRST_RAD:
         wanted = 0.0
     elif abs(curvature) > 1e-6:
         # Slowly enough for |w| = |v curvature| to stay below its limit.
         wanted = gear * min(abs(wanted), 0.95 * w_max / abs(curvature))
-    v, _ = limit_command(wanted, 0.0, state, limits)
+    v, _ = limit_command(wanted, 0.0, state, limits, held)
     # At rest the robot turns towards the path; while it drives, it steers along the arc to the target.
-    turning = 2.0 * bearing if abs(wanted) < 0.05 else v * curvature
-    return limit_command(wanted, turning, state, limits)
+    if abs(wanted) < 0.05:
+        turning = turn_rate(bearing, held * limits.step_s)
+    else:
+        turning = _mean_speed(v, state, limits, held) * curvature
+    return limit_command(wanted, turning, state, limits, held)
 
 
 @kernel_with_cache
@@ -156,8 +198,10 @@ def _gap(state: State, around: Surroundings, k: int, dt: float) -> float:
 
 @kernel_with_cache
 def _stop_steps(speed: float, limits: Limits) -> int:
-    """Steps within which the robot could come to rest, and some to spare."""
-    return int(speed / (limits.a_max_mps2 * limits.step_s)) + int(_SPARE_S / limits.step_s + 0.5)
+    """Steps within which the robot could come to rest after the command that is held now, and some to spare."""
+    beyond = limits.held_steps - 1
+    reached = max(speed, min(limits.v_max_mps, speed + limits.a_max_mps2 * beyond * limits.step_s))
+    return int(reached / (limits.a_max_mps2 * limits.step_s)) + int(_SPARE_S / limits.step_s + 0.5) + beyond
 
 
 @kernel_with_cache
@@ -175,15 +219,24 @@ def try_pursuit(
     limits: Limits,
     around: Surroundings,
 ) -> tuple[int, float, float, float]:
-    """Follow a path; returns steps until the disc meets an obstacle, smallest gap to a human, first command."""
+    """Follow a path by held commands.
+
+    Returns:
+        Steps until the disc meets an obstacle, smallest gap to a human, first command.
+    """
     first_v, first_w, gap = 0.0, 0.0, np.inf
+    asked_v, asked_w, due = 0.0, 0.0, 0
     stop_steps = _stop_steps(abs(state[3]), limits)
     steps = max(stop_steps, _ahead_steps(limits)) if len(around.humans_m) > 0 else stop_steps
     for k in range(steps):
         progress = nearest_ahead(path, progress, state[0], state[1])
-        v, w = _pursue(path, progress, state, lookahead, scale, limits)
+        if k == due:
+            held = limits.held_steps if k == 0 else limits.period_steps
+            asked_v, asked_w = _pursue(path, progress, state, lookahead, scale, limits, held)
+            due += held
         if k == 0:
-            first_v, first_w = v, w
+            first_v, first_w = asked_v, asked_w
+        v, w = limit_command(asked_v, asked_w, state, limits)
         state = _step(state, v, w, limits.step_s)
         if k < stop_steps and meets(state, around.obstacles, around.radius_m):
             return k, gap, first_v, first_w
@@ -248,7 +301,7 @@ def choose_evasion(
 ) -> tuple[bool, float, float]:
     """The arc that keeps off obstacles and scores best by gap to humans and way to the goal: (found, v, w).
 
-    Gaps from `wide` [m] on are all the same.
+    v and w are what the robot reaches on it while the command is held. Gaps from `wide` [m] on are all the same.
     """
     best, found, best_v, best_w = -np.inf, False, 0.0, 0.0
     for a in range(-2 if limits.v_min_mps < 0 else 0, 5):
@@ -266,5 +319,5 @@ def choose_evasion(
                 score -= 20.0 * (_OVERLAP_M - gap)
             if score > best:
                 best, found, best_v, best_w = score, True, v, w
-    v, w = limit_command(best_v, best_w, state, limits)
+    v, w = limit_command(best_v, best_w, state, limits, limits.held_steps)
     return found, v, w

@@ -16,7 +16,13 @@ from readygo.services.planner.expert.ground import HIGH_FACTOR, EpisodeGround, S
 from readygo.services.planner.expert.interface import Decision, expected_array
 from readygo.services.planner.expert.perception import HumanTracks, PeopleSource, PerceivedHuman, stands
 from readygo.services.planner.expert.records import HumansAhead, State, Surroundings, robot_limits, state_of
-from readygo.services.planner.expert.rollouts import AHEAD_S, EVASION_GAP_M, TRACKING_MARGIN_M, choose_evasion
+from readygo.services.planner.expert.rollouts import (
+    AHEAD_S,
+    EVASION_GAP_M,
+    TRACKING_MARGIN_M,
+    choose_evasion,
+    turn_rate,
+)
 from readygo.services.planner.expert.spacetime_search import SpaceTimeSearch, TimedPlan
 
 _PREDICTION_S, _ORACLE_PREDICTION_S = 4.0, 8.0
@@ -45,7 +51,7 @@ one that does is there but for rounding."""
 
 
 def horizon_s(config: ExpertConfig) -> float:
-    """Time that plans reach ahead [s]."""
+    """Longest time that plans reach ahead, and that humans are predicted [s]."""
     return _ORACLE_PREDICTION_S if config.oracle else _PREDICTION_S
 
 
@@ -215,11 +221,12 @@ class SpaceTimeExpert:
                 contact_m=self._ground.contact_m,
                 doubt_mps=0.0,
             )
-            found, v, w = choose_evasion(state, self._limits, around, EVASION_GAP_M, self._local.to_goal)
+            limits = self._limits._replace(held_steps=self._clock.held_for(step))
+            found, v, w = choose_evasion(state, limits, around, EVASION_GAP_M, self._local.to_goal)
             if found:
                 return v, w
-        turn = self._local.way_out_rad(state[0], state[1], state[2], self._goal_m)
-        return 0.0, 2.0 * turn
+        turn_rad = self._local.way_out_rad(state[0], state[1], state[2], self._goal_m)
+        return 0.0, turn_rate(turn_rad, self._clock.held_for(step) * self._clock.dt_s)
 
 
 def _is_off(state: State, row: Float64Array) -> bool:

@@ -97,10 +97,12 @@ class SpaceTimeSearch:
 
         Args:
             robot: Footprint and limits.
-            horizon_s: Time that plans reach ahead [s].
+            horizon_s: Longest time that plans reach ahead, in whole primitives of about `PRIMITIVE_S` [s].
             goal_tolerance_m: A plan that comes this near to the goal need not last longer [m].
         """
         self._primitives = make_timed_primitives(robot)
+        # A primitive is whole held commands, and so may last longer than PRIMITIVE_S.
+        longest = math.floor(horizon_s / (self._primitives.steps * robot.clock.dt_s) + 1e-9)
         self._memory = SearchMemory(_EXPANSIONS_MAX * 16 + 64, _GROUP + 1, _TABLE_SIZE)
         self._rules = TimedSearchRules(
             radius_m=robot.radius_m + TRACKING_MARGIN_M,
@@ -111,7 +113,7 @@ class SpaceTimeSearch:
             turn_level_count=self._primitives.turn_level_count,
             # A primitive that turns by less than a heading would be hidden by the straight one, which is cheaper.
             heading_count=max(_HEADING_COUNT, math.ceil(2 * math.pi / (robot.w_max_radps * PRIMITIVE_S))),
-            depth_max=round(horizon_s / PRIMITIVE_S),
+            depth_max=min(longest, round(horizon_s / PRIMITIVE_S)),
         )
         layer_steps = robot.clock.steps(LAYER_S)
         layers = self._rules.depth_max * self._primitives.steps // layer_steps + 1

@@ -143,7 +143,7 @@ def _fill_group(v: float, w: float, rules: PrimitiveRules, begin: int, table: Pr
     """Tabulate what leads from a command to all levels within reach, from index `begin` on; returns its number."""
     v_levels, w_levels, limits = rules
     rows, costs, lengths, ends, _ = table
-    v_max, w_max, a_max, alpha_max, _, step_s = limits
+    v_max, w_max, a_max, alpha_max, _, step_s, _, _ = limits
     duration = rows.shape[1] * step_s
     count = 0
     for a in range(len(v_levels)):

@@ -14,7 +14,7 @@ from readygo.common.episode.collision import disc_meets_cells
 from readygo.common.robot import RobotConfig
 from readygo.services.planner.expert.ground import EpisodeGround
 from readygo.services.planner.expert.hybrid_astar import Plan
-from readygo.services.planner.expert.records import State, Surroundings, robot_limits
+from readygo.services.planner.expert.records import Limits, State, Surroundings, robot_limits
 from readygo.services.planner.expert.rollouts import (
     EVASION_GAP_M,
     FREE_RUN,
@@ -82,20 +82,21 @@ class PathTracker:
         x, y = self.path[self.progress, :2].tolist()
         return math.hypot(x - x_m, y - y_m)
 
-    def command(self, state: State, humans: Float64Array = _NO_HUMANS) -> tuple[float, float]:
+    def command(self, state: State, humans: Float64Array = _NO_HUMANS, *, held_steps: int = 1) -> tuple[float, float]:
         """Command that follows the plan.
 
         Args:
             state: Robot's x [m], y [m], yaw [rad], v [m/s], w [rad/s].
             humans: Where humans are expected after 1, 2, ... steps: x, y [m], shape (M, T, 2).
+            held_steps: Steps during which the command is held; each later one is held for the robot's control period.
 
         Returns:
-            v [m/s], w [rad/s], reachable within the robot's limits.
+            v [m/s], w [rad/s], reachable within the robot's limits while the command is held.
         """
         if self._turn_to_rad is not None:
             turn_rad = _wrap_angle(self._turn_to_rad - state[2])
             if abs(turn_rad) > _TURNED_RAD:
-                return self.turn(state, turn_rad, humans)
+                return self.turn(state, turn_rad, humans, held_steps=held_steps)
             self._turn_to_rad = None
         pursuits = Pursuits(
             scales=_MOVING,
@@ -103,27 +104,34 @@ class PathTracker:
             lookahead_max_m=self._lookahead_m * 1.15 + 0.01,
             margin_m=_YIELD_MARGIN_M,
         )
-        around = self._around(state, humans)
-        found, v, w, lookahead_m = choose_pursuit(self.path, self.progress, state, pursuits, self._limits, around)
+        around, limits = self._around(state, humans), self._limits._replace(held_steps=held_steps)
+        found, v, w, lookahead_m = choose_pursuit(self.path, self.progress, state, pursuits, limits, around)
         self._lookahead_m = lookahead_m
-        return (v, w) if found else self._evade(state, humans, (v, w))
+        return (v, w) if found else self._evade(state, limits, humans, (v, w))
 
-    def turn(self, state: State, turn_rad: float, humans: Float64Array = _NO_HUMANS) -> tuple[float, float]:
-        """Command that brakes and turns in place by `turn_rad`, unless a human comes too near."""
-        # The rate ends the turn without overshoot under the robot's angular acceleration.
-        rate = math.sqrt(2 * 0.8 * self._robot.alpha_max_radps2 * abs(turn_rad))
+    def turn(
+        self, state: State, turn_rad: float, humans: Float64Array = _NO_HUMANS, *, held_steps: int = 1
+    ) -> tuple[float, float]:
+        """Command that brakes and turns in place by `turn_rad`, unless a human comes too near; see `command`."""
+        limits = self._limits._replace(held_steps=held_steps)
+        # The rate w ends the turn without overshoot: what is left after the hold, turn - w t, is at least w^2 / (2 a).
+        a_radps2 = 0.8 * self._robot.alpha_max_radps2
+        held_radps = a_radps2 * (held_steps - 1) * limits.step_s
+        rate = math.sqrt(held_radps**2 + 2 * a_radps2 * abs(turn_rad)) - held_radps
         w = math.copysign(min(rate, self._robot.w_max_radps), turn_rad)
-        steps, gap, _ = try_arc(0.0, w, state, self._limits, self._around(state, humans), self._to_goal)
-        command: tuple[float, float] = limit_command(0.0, w, state, self._limits)
+        steps, gap, _ = try_arc(0.0, w, state, limits, self._around(state, humans), self._to_goal)
+        command: tuple[float, float] = limit_command(0.0, w, state, limits, held_steps)
         if steps >= FREE_RUN and gap >= _YIELD_MARGIN_M:
             return command
-        return self._evade(state, humans, command)
+        return self._evade(state, limits, humans, command)
 
-    def _evade(self, state: State, humans: Float64Array, otherwise: tuple[float, float]) -> tuple[float, float]:
+    def _evade(
+        self, state: State, limits: Limits, humans: Float64Array, otherwise: tuple[float, float]
+    ) -> tuple[float, float]:
         if len(humans) == 0:
             return otherwise
         around = self._around(state, humans)
-        found, v, w = choose_evasion(state, self._limits, around, EVASION_GAP_M, self._to_goal)
+        found, v, w = choose_evasion(state, limits, around, EVASION_GAP_M, self._to_goal)
         return (v, w) if found else otherwise
 
     def _around(self, state: State, humans: Float64Array) -> Surroundings:

@@ -66,8 +66,6 @@ def draw_episode(
     motions: EpisodeMotions | None = None,
     robot: RobotConfig | None = None,
     episode_config: EpisodeConfig | None = None,
-    pixels_per_m: int = 60,
-    margin_m: float = 1.0,
 ) -> UInt8Array:
     """Draw an episode from above, x to the right and y up.
 
@@ -78,13 +76,11 @@ def draw_episode(
         motions: Draws the humans where their motions are, not where they were meant to go.
         robot: For the radius of its disc.
         episode_config: For the circle of success and the humans' radius.
-        pixels_per_m: Scale [px/m]; large places are drawn smaller.
-        margin_m: Space around everything drawn [m].
 
     Returns:
         RGB image, shape (H, W, 3). Dots mark seconds; discs show where everybody is in the end.
     """
-    view = episode_view(robot_map, scenario, trajectory, motions=motions, pixels_per_m=pixels_per_m, margin_m=margin_m)
+    view = episode_view(robot_map, scenario, trajectory, motions=motions)
     picture = view.rgb.copy()
     draw_ways(picture, view, scenario, trajectory, motions, robot or RobotConfig(), episode_config or EpisodeConfig())
     plan_view.draw_scale_bar(picture, view)

@@ -74,8 +74,7 @@ class HumanPathPlanner:
         rows, columns = np.nonzero(self._component[i0 : max(i + cells + 1, 0), j0 : max(j + cells + 1, 0)])
         if len(rows) == 0:
             return None
-        x = self.frame.origin_x_m + (columns + j0 + 0.5) * self.frame.resolution_m
-        y = self.frame.origin_y_m + (rows + i0 + 0.5) * self.frame.resolution_m
+        x, y = self.frame.centre_m(rows + i0, columns + j0)
         gaps = (x - point_m[0]) ** 2 + (y - point_m[1]) ** 2
         best = int(np.argmin(gaps))
         return (float(x[best]), float(y[best])) if gaps[best] <= reach_m * reach_m else None

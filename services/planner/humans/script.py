@@ -115,10 +115,7 @@ class Script:
         """The goal, or the nearest free place if it is in an obstacle and may move."""
         if not meets_obstacle(self._maps.robot_map, *goal, self._robot.radius_m):
             return goal
-        frame = self._maps.robot_map.frame
-        rows, columns = np.nonzero(self._factor)
-        x = frame.origin_x_m + (columns + 0.5) * frame.resolution_m
-        y = frame.origin_y_m + (rows + 0.5) * frame.resolution_m
+        x, y = self._maps.robot_map.frame.centre_m(*np.nonzero(self._factor))
         squared = (x - goal[0]) ** 2 + (y - goal[1]) ** 2
         if len(squared) and squared.min() <= _GOAL_SNAP_M * _GOAL_SNAP_M:
             best = int(np.argmin(squared))

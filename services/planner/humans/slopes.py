@@ -19,8 +19,7 @@ def without_slopes(occupancy: OccupancyMap, floor: FloorMap, slope_max: float) -
     if slope_max <= 0:
         return occupancy
     frame, (rows, columns) = occupancy.frame, occupancy.occupied.shape
-    x = frame.origin_x_m + (np.arange(columns) + 0.5) * frame.resolution_m
-    y = frame.origin_y_m + (np.arange(rows) + 0.5) * frame.resolution_m
+    x, y = frame.centre_m(np.arange(rows), np.arange(columns))
     height = floor.at_many(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)).reshape(rows, columns)
     reach = max(1, round(0.5 * _RUN_M / frame.resolution_m))
     run_m = 2 * reach * frame.resolution_m

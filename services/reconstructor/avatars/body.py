@@ -14,7 +14,8 @@ from readygo.common.arrays import BoolArray, Float64Array
 from readygo.common.avatars import Avatar
 from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.interface import PosedHuman, View
-from readygo.services.reconstructor.avatars.views import FilmedPerson, view_at
+from readygo.common.rasterizer.packed.avatar import PackedAvatar, pack_avatar
+from readygo.services.reconstructor.avatars.views import FilmedPerson, PersonView, view_at
 
 _FRAMES, _FRACTION = 6, 2
 _SIZE_LIMITS = 0.6, 1.6
@@ -85,9 +86,10 @@ def _compare(
 ) -> tuple[float, float]:
     """Common share of the silhouettes, and the ratio of the person's size in the image to the body's."""
     both, either, ratios = 0, 0, []
+    packed = pack_avatar(body)
     for frame in frames:
         view = view_at(person, frame, _FRACTION)
-        drawn = silhouette(body, view.T_world_camera, view.K_px, view.mask.shape, pose[frame], root_m[frame])
+        drawn = silhouette(body, packed, view, pose[frame], root_m[frame])
         mask = view.mask > 0.5
         both += int((drawn & mask).sum())
         either += int((drawn | mask).sum())
@@ -97,17 +99,20 @@ def _compare(
 
 
 def silhouette(
-    body: Avatar,
-    T_world_camera: Float64Array,
-    K_px: Float64Array,
-    size: tuple[int, int],
-    pose: Float64Array,
-    root_m: Float64Array,
+    body: Avatar, packed: PackedAvatar, view: PersonView, pose: Float64Array, root_m: Float64Array
 ) -> BoolArray:
-    """Where a body covers most of a pixel, shape (H, W)."""
+    """Where a body covers most of a pixel of a view, shape (H, W).
+
+    Args:
+        body: The body.
+        packed: The body as `pack_avatar` packs it, which costs more than drawing it.
+        view: The camera, and the size of its image.
+        pose: Rotations of the joints, shape (24, 3).
+        root_m: The pelvis [m], shape (3,).
+    """
     human = PosedHuman(avatar=body.name, root_m=root_m, pose_axis_angle=pose)
-    drawer = CpuRasterizer([], {body.name: body}, K_px, *size)
-    images = drawer.render([View(T_world_camera=T_world_camera, humans=(human,))], ("alpha",))[0]
+    drawer = CpuRasterizer([], {body.name: body}, view.K_px, *view.mask.shape, packed_avatars={body.name: packed})
+    images = drawer.render([View(T_world_camera=view.T_world_camera, humans=(human,))], ("alpha",))[0]
     assert images.alpha is not None
     return np.asarray(images.alpha > 0.5)
 

@@ -16,7 +16,6 @@ from typing import Any
 import cv2
 import numpy as np
 
-from readygo.common.arrays import BoolArray
 from readygo.common.avatars import Avatar
 from readygo.common.camera.captured import CapturedViews
 from readygo.common.config import section_to_mapping
@@ -47,8 +46,8 @@ from readygo.services.reconstructor.avatars.keypoints import (
     read_keypoints,
     write_keypoints,
 )
-from readygo.services.reconstructor.avatars.views import read_masks, read_rgb
-from readygo.services.reconstructor.stages import Stages, code_digest
+from readygo.services.reconstructor.avatars.views import PersonMask, read_masks, read_rgb
+from readygo.services.reconstructor.stages import Stages, code_digest, identity_of
 
 MASKS_STAGE, KEYPOINTS_STAGE, POSES_STAGE = "masks", "keypoints", "poses"
 
@@ -128,7 +127,7 @@ def _find_masks(folder: Path, stages: Stages, network: Path) -> Path:
             write_whole(stage / f"{name}.png", encoded, raises=AvatarError)
         return {"images": len(images)}
 
-    settings = {"network": _digest_file(network), "images": _sizes(images)}
+    settings = {"network": _digest_file(network), "images": identity_of([*images])}
     stages.run(MASKS_STAGE, settings, make, code=code_digest("avatars"))
     return stages.folder / MASKS_STAGE
 
@@ -145,24 +144,24 @@ def _keypoints(
         _find_keypoints(views.images, images, paths, persons, stages, network)
         source = stages.folder / KEYPOINTS_STAGE / KEYPOINTS_FILE
     keypoints = read_keypoints(source, views.images)
-    return keypoints, check_keypoints(keypoints, persons, views.images, source)
+    return keypoints, check_keypoints(keypoints, (each.whole() for each in persons), views.images, source)
 
 
 def _find_keypoints(
     names: tuple[str, ...],
     images: tuple[Path, ...],
     masks: tuple[Path, ...],
-    persons: list[BoolArray],
+    persons: list[PersonMask],
     stages: Stages,
     network: Path,
 ) -> None:
     def make(stage: Path) -> Mapping[str, Any]:
         finder = KeypointNetwork(network)
-        rows = [finder.find(read_rgb(path, "image"), mask) for path, mask in zip(images, persons, strict=True)]
+        rows = [finder.find(read_rgb(path, "image"), mask.whole()) for path, mask in zip(images, persons, strict=True)]
         write_keypoints(stage / KEYPOINTS_FILE, keypoints_of(np.stack(rows), network), names)
         return {"images": len(images)}
 
-    settings = {"network": _digest_file(network), "images": _sizes(images), "masks": _sizes(masks)}
+    settings = {"network": _digest_file(network), "images": identity_of([*images]), "masks": identity_of([*masks])}
     stages.run(KEYPOINTS_STAGE, settings, make, code=code_digest("avatars"))
 
 
@@ -190,7 +189,3 @@ def _find_poses(
 
 def _digest_file(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
-
-
-def _sizes(paths: tuple[Path, ...]) -> list[list[str | int]]:
-    return [[path.name, path.stat().st_size] for path in paths]

@@ -14,7 +14,7 @@ import numpy as np
 import torch
 
 from readygo.common.arrays import Float32Array, Float64Array
-from readygo.common.avatars import Avatar, load_avatars
+from readygo.common.avatars import Avatar, load_avatars, pose_avatar
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import AvatarError, RunError
 from readygo.common.gaussians import GaussianCloud
@@ -41,7 +41,8 @@ from readygo.services.reconstructor.avatars.trajectory import (
     trusted_trajectory,
 )
 from readygo.services.reconstructor.avatars.views import FilmedPerson, PersonView, read_person, view_at
-from readygo.services.reconstructor.stages import Stages, word_errors
+from readygo.services.reconstructor.differentiable.autograd import rasterize
+from readygo.services.reconstructor.stages import Stages, code_digest, identity_of, word_errors
 from readygo.services.reconstructor.training.checkpoint import CHECKPOINT_FILE, load_checkpoint, save_checkpoint
 from readygo.services.reconstructor.training.interruption import interruption
 from readygo.services.reconstructor.training.photometric import Photometric
@@ -144,10 +145,14 @@ def extract_avatar(
             fit, footage, overlap = _begin_fit(complete, bodies, smpl, config, scene)
             seconds = _run(fit, work, _identity(footage, fit), tell)
         avatar, unseen = avatar_of_fit(fit, fit.body, name, license_text)
-        held_out = [measure_frame(fit, frame, footage.names[frame]) for frame in fit.held]
+        avatar = without_floaters(avatar, FLOATER_M)
+        pose, root_m = fit.rig.poses()
+        held_out = [
+            measure_frame(avatar, view_at(fit.person, frame, 1), pose[frame], root_m[frame], footage.names[frame])
+            for frame in fit.held
+        ]
     finally:
         torch.set_num_threads(threads)
-    avatar = without_floaters(avatar, FLOATER_M)
     report = {
         "psnr_db": round(float(np.mean([each.psnr_db for each in held_out])), 3) if held_out else None,
         "ssim": round(float(np.mean([each.ssim for each in held_out])), 4) if held_out else None,
@@ -162,7 +167,6 @@ def extract_avatar(
         "notes": [*complete.notes, *fit.person.notes],
         "settings": section_to_mapping(fit.config),
     }
-    pose, root_m = fit.rig.poses()
     return Extraction(
         avatar=avatar,
         held_out=held_out,
@@ -182,13 +186,31 @@ def forget_extraction(work: Path) -> None:
         (work / CHECKPOINT_FILE).unlink(missing_ok=True)
 
 
-def measure_frame(fit: PersonFit, frame: int, image: str) -> HeldOutPerson:
-    """Compare the person of a frame with what is drawn there."""
-    view = view_at(fit.person, frame, 1)
-    rendered = fit.draw(frame, view).rendered
+def measure_frame(
+    avatar: Avatar, view: PersonView, pose: Float64Array, root_m: Float64Array, image: str
+) -> HeldOutPerson:
+    """Compare the person of a frame with the avatar in the pose that was found there.
+
+    Args:
+        avatar: The avatar.
+        view: The frame.
+        pose: Rotations of the joints [rad], shape (24, 3).
+        root_m: The pelvis in the film's world [m], shape (3,).
+        image: Name of the frame's image.
+    """
+    cloud = pose_avatar(avatar, root_m, pose)
+    arrays = (cloud.means_m, cloud.quats_wxyz, cloud.scales_m, cloud.opacities, cloud.sh)
+    rendered = rasterize(
+        *(torch.from_numpy(np.ascontiguousarray(array)) for array in arrays),
+        T_world_camera=torch.from_numpy(view.T_world_camera),
+        K_px=view.K_px,
+        height_px=view.mask.shape[0],
+        width_px=view.mask.shape[1],
+        sh_degree=cloud.sh_degree,
+    )
     assert rendered.rgb is not None
-    colours = rendered.rgb.detach().permute(2, 0, 1).numpy()
-    drawn = np.clip(colours + GREY * rendered.transmittance.detach().numpy(), 0.0, 1.0).astype(np.float32)
+    colours = rendered.rgb.permute(2, 0, 1).numpy()
+    drawn = np.clip(colours + GREY * rendered.transmittance.numpy(), 0.0, 1.0).astype(np.float32)
     return compare_person(image, view, drawn)
 
 
@@ -305,12 +327,12 @@ def _run(fit: PersonFit, work: Path, identity: str, tell: Callable[[ExtractionPr
 
 def _identity(footage: Footage, fit: PersonFit) -> str:
     digest = hashlib.sha256(json.dumps(section_to_mapping(fit.config), sort_keys=True).encode())
+    digest.update(code_digest("avatars", "differentiable", "training").encode())
     digest.update(f"{fit.body.name} {fit.body.height_m!r}".encode())
     digest.update(fit.likely_joints_m.tobytes())
     for plate in fit.person.plates or ():
         digest.update(plate.tobytes())
-    for image, mask in zip(footage.images, footage.masks, strict=True):
-        digest.update(f"{image.name} {image.stat().st_size} {mask.stat().st_size}".encode())
+    digest.update(json.dumps(identity_of([*footage.images, *footage.masks])).encode())
     for array in (footage.K_px, footage.T_world_camera, footage.root_m, footage.pose_axis_angle):
         digest.update(array.tobytes())
     return digest.hexdigest()

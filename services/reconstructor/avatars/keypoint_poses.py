@@ -102,12 +102,13 @@ def fit_poses(views: KeypointViews, bodies: Sequence[Avatar], config: AvatarFitC
         AvatarError: If most frames have left and right exchanged, or what is found is no person.
     """
     fit = PoseFit(views, mean_skeleton(bodies), views.sigma_px(config.keypoints.sigma_share), config.prior)
-    swapped = fit.begin()
+    fit.begin()
     for number, (blur, iterations) in enumerate(_STAGES):
         if number > 0:
-            swapped = swapped | fit.repair_sides()
+            fit.repair_sides()
         fit.solve(blur, iterations)
         fit.find_contacts()
+    swapped = fit.swapped_frames()
     frames, count = int(swapped.sum()), len(swapped)
     if frames > _SWAPPED_FRAMES_MAX * count:
         raise AvatarError(
@@ -150,6 +151,7 @@ class PoseFit:
         self._views, self._sigma_px, self._smooth = views, sigma_px, prior
         self._K, self._T = torch.tensor(views.K_px), torch.tensor(views.T_world_camera)
         self._see()
+        self._swapped = np.zeros(views.keypoints.seen.shape, dtype=np.bool_)
         names = views.keypoints.names
         anchors, own = [ANCHORS[name] for name in names], [name for name in names if not name.startswith("right")]
         self._joints = [anchor.joint for anchor in anchors]
@@ -173,8 +175,8 @@ class PoseFit:
             "soles": torch.zeros(2, dtype=torch.float64),
         }
 
-    def begin(self) -> BoolArray:
-        """Stand the person where the keypoints are; the frames (F,) whose sides were exchanged for it."""
+    def begin(self) -> None:
+        """Stand the person where the keypoints are, with sides exchanged where they fit better so."""
         turned = {**self.values, "pose": self._mean.repeat(HEADINGS, 1, 1)}
         turned["pose"][:, 0, 1] = 2.0 * np.pi * torch.arange(HEADINGS, dtype=torch.float64) / HEADINGS
         points, soles, _ = self._pose_body(turned, torch.zeros(HEADINGS, 3, dtype=torch.float64))
@@ -182,8 +184,7 @@ class PoseFit:
         self.values["place"] = torch.tensor(start.root_m) / start.scale - self._T[:, :3, 3] / start.scale
         self.values["pose"][:, 0, 1] = torch.tensor(start.heading_rad)
         self.values["size"][0] = float(np.log(start.scale))
-        self._swap(start.swapped[:, None])
-        return start.swapped
+        self._swap(np.broadcast_to(start.swapped[:, None], self._swapped.shape))
 
     def solve(self, blur: float, iterations: int) -> None:
         """Change all values, with keypoints whose deviation is `blur` times as large.
@@ -211,8 +212,8 @@ class PoseFit:
         slow = (soles[1:] - soles[:-1]).norm(dim=2) < _CONTACT_STEP_M
         self._contacts = (low[1:] & low[:-1] & slow).double()
 
-    def repair_sides(self) -> BoolArray:
-        """Exchange left and right of parts of the body in frames where that fits far better; those frames, (F,)."""
+    def repair_sides(self) -> None:
+        """Exchange left and right of parts of the body in frames where that fits far better."""
         points, _, _ = self._pose_body(self.values, self._root(self.values))
         expected, keypoints = self._project(points).numpy(), self._views.keypoints
         costs = []
@@ -225,7 +226,12 @@ class PoseFit:
             now, then = (cost[:, part].sum(axis=1) for cost in costs)
             swapped[:, part] |= (then < _SWAP_GAIN * now - _SWAP_MARGIN)[:, None]
         self._swap(swapped)
-        return np.asarray(swapped.any(axis=1))
+
+    def swapped_frames(self) -> BoolArray:
+        """Frames with keypoints that are seen and now on the other side than they were given, shape (F,)."""
+        keypoints = self._views.keypoints
+        paired = keypoints.mirror != np.arange(len(keypoints.names))
+        return np.asarray((self._swapped & keypoints.seen & paired).any(axis=1))
 
     def found(self) -> KeypointPoses:
         """What is found.
@@ -261,6 +267,7 @@ class PoseFit:
         self._uv_px, self._weight = torch.tensor(keypoints.uv_px), torch.tensor(keypoints.confidence * keypoints.seen)
 
     def _swap(self, swapped: BoolArray) -> None:
+        self._swapped ^= swapped
         self._views = dataclasses.replace(self._views, keypoints=self._views.keypoints.with_swapped(swapped))
         self._see()
 

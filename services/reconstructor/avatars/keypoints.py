@@ -7,7 +7,7 @@ K chooses the set: 17 of COCO (Lin et al., Microsoft COCO, 2014), or 26 of Halpe
 head, neck, hip and three points of each foot (Fang et al., AlphaPose, 2022). Left is the person's left.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -183,7 +183,7 @@ def write_keypoints(path: Path, keypoints: Keypoints, images: Sequence[str]) -> 
         np.savez(part, allow_pickle=False, keypoints=rows.astype(np.float32), images=np.array(images))
 
 
-def check_keypoints(keypoints: Keypoints, masks: Sequence[BoolArray], images: Sequence[str], source: Path) -> list[str]:
+def check_keypoints(keypoints: Keypoints, masks: Iterable[BoolArray], images: Sequence[str], source: Path) -> list[str]:
     """Refuse keypoints that do not show a whole person where the masks do; hints about what is missing.
 
     Args:

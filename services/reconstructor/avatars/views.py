@@ -44,8 +44,47 @@ class PersonView:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class PersonMask:
+    """Where the person is in an image: only the part around the person is kept, as photos of a phone are large."""
+
+    cut: BoolArray
+    """The mask around the person, shape (h, w)."""
+    top: int
+    left: int
+    shape: tuple[int, int]
+    """Height and width of the image."""
+
+    @classmethod
+    def of_whole(cls, mask: BoolArray) -> "PersonMask":
+        """The part of a mask around the person; all of it without one."""
+        top, left, bottom, right = _box(mask)
+        return cls(cut=mask[top:bottom, left:right].copy(), top=top, left=left, shape=mask.shape)
+
+    def whole(self) -> BoolArray:
+        """The mask of the whole image, shape (H, W)."""
+        mask = np.zeros(self.shape, dtype=np.bool_)
+        mask[self.rows, self.columns] = self.cut
+        return mask
+
+    @property
+    def rows(self) -> slice:
+        """Rows of the image that are kept."""
+        return slice(self.top, self.top + self.cut.shape[0])
+
+    @property
+    def columns(self) -> slice:
+        """Columns of the image that are kept."""
+        return slice(self.left, self.left + self.cut.shape[1])
+
+    @property
+    def is_cut_off(self) -> bool:
+        """True if the person reaches the lower border of the image."""
+        return self.rows.stop == self.shape[0] and bool(self.cut[-1].any())
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class FilmedPerson:
-    """All frames at their whole size, cut out around the person, and what was noticed of them."""
+    """All frames, cut out around the person, and what was noticed of them."""
 
     rgb: tuple[UInt8Array, ...]
     mask: tuple[BoolArray, ...]
@@ -72,6 +111,7 @@ def read_person(footage: Footage, side_max_px: int) -> FilmedPerson:
         AvatarError: If an image or mask cannot be read, does not fit the other, or shows no one or two people.
     """
     masks, notes = read_masks(footage.masks, footage.sizes_px)
+    shrink = min(1.0, side_max_px / int(footage.sizes_px.max()))
     rgb, cut, K = [], [], footage.K_px.copy()
     for number, mask in enumerate(masks):
         # One at a time: a hundred photos of a telephone do not fit into memory.
@@ -81,19 +121,19 @@ def read_person(footage: Footage, side_max_px: int) -> FilmedPerson:
             raise AvatarError(
                 f"{footage.images[number]} has {image.shape[1]}x{image.shape[0]} px, its camera {width}x{height} px."
             )
-        top, left, bottom, right = _box(mask)
-        K[number, :2, 2] -= (left, top)
-        rgb.append(image[top:bottom, left:right].copy())
-        cut.append(mask[top:bottom, left:right])
-    shrink = min(1.0, side_max_px / int(footage.sizes_px.max()))
-    whole = FilmedPerson(
+        K[number, :2, 2] -= (mask.left, mask.top)
+        part, where = image[mask.rows, mask.columns].copy(), mask.cut
+        if shrink < 1.0:
+            part, where = _shrink(part, where, K[number], shrink)
+        rgb.append(part)
+        cut.append(where)
+    return FilmedPerson(
         rgb=tuple(rgb), mask=tuple(cut), K_px=K, T_world_camera=footage.T_world_camera, notes=tuple(notes)
     )
-    return whole if shrink == 1.0 else _shrink(whole, shrink)
 
 
-def read_masks(paths: Sequence[Path], sizes_px: Int64Array) -> tuple[list[BoolArray], list[str]]:
-    """Where the person is in each image, shape (H, W) each, and hints about what is cut off.
+def read_masks(paths: Sequence[Path], sizes_px: Int64Array) -> tuple[list[PersonMask], list[str]]:
+    """Where the person is in each image, and hints about what is cut off.
 
     Args:
         paths: The masks.
@@ -102,13 +142,20 @@ def read_masks(paths: Sequence[Path], sizes_px: Int64Array) -> tuple[list[BoolAr
     Raises:
         AvatarError: If a mask cannot be read, does not fit its image, or they show no one or two people.
     """
-    masks = [read_rgb(path, "mask").max(axis=2) > 127 for path in paths]
-    if np.mean([_border(mask) for mask in masks]) > 0.5:
-        # In some data sets the person is black.
-        masks = [~mask for mask in masks]
-    for path, mask, (width, height) in zip(paths, masks, sizes_px.tolist(), strict=True):
-        if mask.shape != (height, width):
-            raise AvatarError(f"{path} has {mask.shape[1]}x{mask.shape[0]} px, its image {width}x{height} px.")
+    masks, borders = [], []
+    for path in paths:
+        mask = _read_mask(path)
+        borders.append(_border(mask))
+        # In some data sets the person is black. What most masks show is known at the end.
+        masks.append(PersonMask.of_whole(~mask if borders[-1] > 0.5 else mask))
+    black = bool(np.mean(borders) > 0.5)
+    for number, path in enumerate(paths):
+        if (borders[number] > 0.5) != black:
+            mask = _read_mask(path)
+            masks[number] = PersonMask.of_whole(~mask if black else mask)
+    for path, found, (width, height) in zip(paths, masks, sizes_px.tolist(), strict=True):
+        if found.shape != (height, width):
+            raise AvatarError(f"{path} has {found.shape[1]}x{found.shape[0]} px, its image {width}x{height} px.")
     return masks, _check_masks(paths, masks)
 
 
@@ -177,6 +224,10 @@ def read_rgb(path: Path, what: str) -> UInt8Array:
     return np.ascontiguousarray(pixels[:, :, ::-1])
 
 
+def _read_mask(path: Path) -> BoolArray:
+    return np.asarray(read_rgb(path, "mask").max(axis=2) > 127)
+
+
 def _border(mask: BoolArray) -> float:
     return float(np.mean(np.concatenate([mask[0], mask[-1], mask[:, 0], mask[:, -1]])))
 
@@ -195,10 +246,10 @@ def _box(mask: BoolArray) -> tuple[int, int, int, int]:
     )
 
 
-def _check_masks(paths: Sequence[Path], masks: list[BoolArray]) -> list[str]:
+def _check_masks(paths: Sequence[Path], masks: list[PersonMask]) -> list[str]:
     """Refuse masks that show no one, too little, or two people; hints about what is cut off."""
-    count = len(masks)
-    empty = [number for number, mask in enumerate(masks) if mask.sum() < _PERSON_MIN_PX]
+    count, cuts = len(masks), [mask.cut for mask in masks]
+    empty = [number for number, mask in enumerate(cuts) if mask.sum() < _PERSON_MIN_PX]
     if len(empty) > _EMPTY_FRAMES * count:
         raise AvatarError(
             f"{len(empty)} of {count} masks are empty or show less than {_PERSON_MIN_PX} px of a person, "
@@ -206,18 +257,18 @@ def _check_masks(paths: Sequence[Path], masks: list[BoolArray]) -> list[str]:
         )
     if empty:
         raise AvatarError(f"The mask {paths[empty[0]]} shows no one; leave out such frames ({len(empty)} of {count}).")
-    sides = [max(np.ptp(np.flatnonzero(mask.any(axis=1))), np.ptp(np.flatnonzero(mask.any(axis=0)))) for mask in masks]
+    sides = [max(np.ptp(np.flatnonzero(mask.any(axis=1))), np.ptp(np.flatnonzero(mask.any(axis=0)))) for mask in cuts]
     if float(np.median(sides)) < _PERSON_MIN_SIDE_PX:
         raise AvatarError(
             f"The person is {int(np.median(sides))} px tall in the median, too little to see; record from nearer."
         )
-    two = [number for number, mask in enumerate(masks) if _second_share(mask) > _SECOND_SHARE]
+    two = [number for number, mask in enumerate(cuts) if _second_share(mask) > _SECOND_SHARE]
     if len(two) > _SECOND_FRAMES * count:
         raise AvatarError(
             f"{len(two)} of {count} masks show two people, {paths[two[0]].name} among them; "
             "an avatar is of one: leave the other out of the masks."
         )
-    cut = sum(bool(mask[-1].any()) for mask in masks)
+    cut = sum(mask.is_cut_off for mask in masks)
     if cut > _CUT_FRAMES * count:
         raise AvatarError(
             f"The person is cut off at the bottom in {cut} of {count} frames: without feet no one can walk; "
@@ -233,16 +284,11 @@ def _second_share(mask: BoolArray) -> float:
     return float(areas[-2] / areas[-1]) if len(areas) > 1 else 0.0
 
 
-def _shrink(person: FilmedPerson, factor: float) -> FilmedPerson:
-    rgb, masks, K = [], [], person.K_px.copy()
-    for number in range(len(person)):
-        height, width = person.mask[number].shape
-        size = max(8, round(width * factor)), max(8, round(height * factor))
-        K[number, 0] *= size[0] / width
-        K[number, 1] *= size[1] / height
-        rgb.append(np.asarray(cv2.resize(person.rgb[number], size, interpolation=cv2.INTER_AREA), dtype=np.uint8))
-        small = cv2.resize(person.mask[number].astype(np.float32), size, interpolation=cv2.INTER_AREA)
-        masks.append(np.asarray(small > 0.5))
-    return FilmedPerson(
-        rgb=tuple(rgb), mask=tuple(masks), K_px=K, T_world_camera=person.T_world_camera, notes=person.notes
-    )
+def _shrink(rgb: UInt8Array, mask: BoolArray, K_px: Float64Array, factor: float) -> tuple[UInt8Array, BoolArray]:
+    """A frame made smaller; its intrinsics (3, 3) are changed."""
+    height, width = mask.shape
+    size = max(8, round(width * factor)), max(8, round(height * factor))
+    K_px[0] *= size[0] / width
+    K_px[1] *= size[1] / height
+    small = cv2.resize(mask.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    return np.asarray(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), dtype=np.uint8), np.asarray(small > 0.5)

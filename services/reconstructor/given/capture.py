@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from readygo.common.arrays import Float64Array
+from readygo.common.camera.captured import ROTATION_ERROR_MAX
 from readygo.common.errors import SceneError
 from readygo.services.reconstructor.poses.intrinsics import Intrinsics
 
 IMAGES_MIN = 3
-_ROTATION_ERROR_MAX = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,7 +59,7 @@ def check_poses(T_world_camera: Float64Array) -> None:
     R = T_world_camera[:, :3, :3]
     finite = np.isfinite(T_world_camera).all(axis=(1, 2))
     with np.errstate(invalid="ignore"):
-        turns = np.abs(R @ R.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2), initial=0.0) < _ROTATION_ERROR_MAX
+        turns = np.abs(R @ R.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2), initial=0.0) < ROTATION_ERROR_MAX
         wrong = ~(finite & turns & (np.linalg.det(np.where(np.isfinite(R), R, 0.0)) > 0))
     if wrong.any():
         raise ValueError(f"the pose of frame {int(np.argmax(wrong))} is no rotation and translation")

@@ -17,6 +17,8 @@ DEFAULT_DICTIONARY = "4X4_50"
 _PREFIX = "DICT_"
 _LIGHT = np.rint(255.0 * light_of_byte() / LIGHT_ONE).astype(np.uint8)
 """Light of the grey values of an image as cameras encode it."""
+_AGREE_MIN = 3
+"""Images that have to show a marker of another dictionary: one alone may be a mistake."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,8 +97,8 @@ def sightings_in(folder: Path, names: Iterable[str], dictionary: str) -> list[Ma
     return found
 
 
-def other_dictionaries(folder: Path, names: Iterable[str], tried: str, *, seen_in: int = 3) -> list[str]:
-    """What markers of other dictionaries the images show, in words; only such that several images agree on."""
+def other_dictionaries(folder: Path, names: Iterable[str], tried: str) -> list[str]:
+    """What markers of other dictionaries the images show, in words; only those that several images agree on."""
     names = list(names)
     words = []
     # Of dictionaries with the same cells the largest holds the others' markers.
@@ -107,5 +109,5 @@ def other_dictionaries(folder: Path, names: Iterable[str], tried: str, *, seen_i
         counts: dict[int, int] = {}
         for sighting in sightings_in(folder, names, dictionary):
             counts[sighting.marker] = counts.get(sighting.marker, 0) + 1
-        words += [f"{dictionary} id {m} in {n} images" for m, n in sorted(counts.items()) if n >= seen_in]
+        words += [f"{dictionary} id {m} in {n} images" for m, n in sorted(counts.items()) if n >= _AGREE_MIN]
     return words

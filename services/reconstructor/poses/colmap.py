@@ -1,6 +1,5 @@
-"""Features, matches, maps, undistortion and files of COLMAP models; with `covariance.py` all that knows pycolmap."""
+"""Features, matches, maps and files of COLMAP models; with its neighbours all that knows pycolmap."""
 
-import shutil
 import signal
 import tempfile
 import threading
@@ -9,22 +8,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from readygo.common.arrays import Float64Array, Int64Array
 from readygo.common.camera.captured import CapturedViews
-from readygo.common.errors import ConfigError, RunError, SceneError, first_line
+from readygo.common.errors import ConfigError, SceneError, first_line
 from readygo.common.extras import install_command
-from readygo.common.files import write_whole
-from readygo.services.reconstructor.frames.masks import FOLDER as MASKS
-from readygo.services.reconstructor.frames.masks import read_mask
 from readygo.services.reconstructor.frames.names import image_order
 from readygo.services.reconstructor.posed import PosedImages
 from readygo.services.reconstructor.poses.config import PosesConfig
 from readygo.services.reconstructor.poses.intrinsics import Intrinsics
 from readygo.services.reconstructor.poses.tags import tag_matches
-from readygo.services.reconstructor.similarity import Similarity, umeyama
+from readygo.services.reconstructor.similarity import umeyama
 
 Poses = Mapping[str, Float64Array]
 TagFeatures = Mapping[str, tuple[Int64Array, Float64Array]]
@@ -79,7 +74,7 @@ def image_names(model: Path) -> list[str]:
     Raises:
         SceneError: If the model cannot be read.
     """
-    return [image.name for image in posed_images(_open_model(model))]
+    return [image.name for image in posed_images(open_model(model))]
 
 
 def posed_images(rec: Any) -> list[Any]:
@@ -413,7 +408,7 @@ def read_map(model: Path) -> PosedImages:
     Raises:
         SceneError: If it cannot be read.
     """
-    rec = _open_model(model)
+    rec = open_model(model)
     images = posed_images(rec)
     cameras = [image.camera for image in images]
     ids = sorted(rec.points3D)
@@ -439,7 +434,12 @@ def read_map(model: Path) -> PosedImages:
     )
 
 
-def _open_model(model: Path) -> Any:
+def open_model(model: Path) -> Any:
+    """A model as pycolmap has it.
+
+    Raises:
+        SceneError: If it cannot be read.
+    """
     try:
         return pycolmap().Reconstruction(model)
     except (ValueError, RuntimeError, OSError) as error:
@@ -448,19 +448,19 @@ def _open_model(model: Path) -> Any:
 
 def is_pinhole(model: Path) -> bool:
     """Whether all cameras of a model are without distortion."""
-    cameras = _open_model(model).cameras.values()
+    cameras = open_model(model).cameras.values()
     return all(camera.model.name in ("PINHOLE", "SIMPLE_PINHOLE") for camera in cameras)
 
 
 def has_tracks(model: Path) -> bool:
     """Whether a model has no images, or one that sees a point."""
-    images = _open_model(model).images.values()
+    images = open_model(model).images.values()
     return not images or any(image.num_points3D for image in images)
 
 
 def pinhole_views(model: Path) -> CapturedViews:
     """The cameras of a model without distortion, in the order of their images' names."""
-    rec = _open_model(model)
+    rec = open_model(model)
     images = posed_images(rec)
     return CapturedViews(
         images=tuple(image.name for image in images),
@@ -474,77 +474,3 @@ def _pose(image: Any) -> Float64Array:
     T = np.eye(4)
     T[:3] = image.cam_from_world().inverse().matrix()
     return T
-
-
-def write_undistorted(model: Path, images: Path, folder: Path, b_from_a: Similarity, config: PosesConfig) -> None:
-    """Write a model in another frame with pinhole images, as COLMAP does: `images/` and `sparse/0/`.
-
-    Args:
-        model: The model that `b_from_a` moves.
-        images: Folder of its images.
-        folder: Where to write.
-        b_from_a: From the model's frame to the new one.
-        config: How many threads.
-
-    Raises:
-        RunError: If images could not be written.
-    """
-    colmap = pycolmap()
-    rec = colmap.Reconstruction(model)
-    rec.transform(colmap.Sim3d(b_from_a.scale, colmap.Rotation3d(b_from_a.R), b_from_a.t))
-    with tempfile.TemporaryDirectory() as moved:
-        rec.write(moved)
-        colmap.undistort_images(folder, moved, images, jpeg_quality=97, num_threads=config.threads or -1)
-    # COLMAP continues after an image that it could not write.
-    written = [folder / "images" / rec.images[number].name for number in rec.reg_image_ids()]
-    lost = [path.name for path in written if not path.is_file() or path.stat().st_size == 0]
-    if lost:
-        raise RunError(f"{len(lost)} undistorted images could not be written, {lost[0]} among them; is the disk full?")
-    sparse = folder / "sparse"
-    inner = folder / "0"
-    sparse.rename(inner)
-    sparse.mkdir()
-    inner.rename(sparse / "0")
-    # For COLMAP's dense stereo, which nothing here uses.
-    shutil.rmtree(folder / "stereo", ignore_errors=True)
-    for script in folder.glob("run-colmap-*.sh"):
-        script.unlink()
-
-
-def write_undistorted_masks(model: Path, masks: Path, posed: Path) -> None:
-    """Write the masks of images as `write_undistorted` made these: `masks/NAME.png`; pixels that no image has are 0.
-
-    Args:
-        model: The model before.
-        masks: Folder of its images' masks, NAME.png.
-        posed: Folder with the undistorted model.
-
-    Raises:
-        SceneError: If a mask is missing or has another size than its camera.
-    """
-    before, after = _open_model(model), _open_model(posed / "sparse" / "0")
-    places: dict[tuple[int, int], tuple[Float64Array, Float64Array]] = {}
-    for image in (after.images[number] for number in after.reg_image_ids()):
-        lens = before.find_image_with_name(image.name).camera
-        key = (lens.camera_id, image.camera_id)
-        if key not in places:
-            places[key] = _places_before(lens, image.camera)
-        mask = read_mask(masks / f"{image.name}.png")
-        if mask is None or mask.shape != (lens.height, lens.width):
-            there = "missing" if mask is None else f"{mask.shape[1]}x{mask.shape[0]} px"
-            raise SceneError(f"{masks / image.name}.png is {there}, its image {lens.width}x{lens.height} px.")
-        u, v = (place.astype(np.float32) for place in places[key])
-        flat = cv2.remap(mask, u, v, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=0)
-        data = cv2.imencode(".png", flat)[1].tobytes()
-        write_whole(posed / MASKS / f"{image.name}.png", data, raises=SceneError)
-
-
-def _places_before(lens: Any, pinhole: Any) -> tuple[Float64Array, Float64Array]:
-    """Column and row, counted from the first pixel's centre, that each pixel of a pinhole camera shows of another."""
-    v, u = np.mgrid[: pinhole.height, : pinhole.width] + 0.5
-    K = pinhole.calibration_matrix()
-    rays = np.column_stack([((u - K[0, 2]) / K[0, 0]).ravel(), ((v - K[1, 2]) / K[1, 1]).ravel(), np.ones(u.size)])
-    pixels = np.asarray(lens.img_from_cam(rays)).reshape(*u.shape, 2) - 0.5
-    # A lens that cannot show a ray shows nothing there.
-    pixels = np.where(np.isfinite(pixels), pixels, -2.0)
-    return pixels[..., 0], pixels[..., 1]

@@ -49,5 +49,8 @@ def load_checkpoint(folder: Path, identity: str) -> tuple[dict[str, Any], Arrays
     except (ValueError, KeyError, TypeError) as error:
         raise RunError(f"{path} cannot be read ({error}); {remedy}.") from error
     if numbers.get("format") != FORMAT or numbers.get("identity") != identity:
-        raise RunError(f"{path} is of a training with other settings or images; give another --out, or delete it.")
+        raise RunError(
+            f"{path} is of a training with other settings or images, or of another version of readygo; give another "
+            "--out, or delete it."
+        )
     return numbers, arrays

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from readygo.common.arrays import Float32Array, Int64Array, UInt8Array
+from readygo.common.arrays import Float32Array, Int64Array
 from readygo.services.reconstructor.differentiable.autograd import Rendered, rasterize
 from readygo.services.reconstructor.training.config import GaussiansConfig
 from readygo.services.reconstructor.training.density import REGULAR
@@ -264,8 +264,3 @@ def _move(rendered: Rendered, shape: tuple[int, ...], absolute: bool) -> Float32
     gradient = gradients[seen.weight > 0].numpy()
     moved: Float32Array = np.hypot(gradient[:, 0] * (0.5 * shape[2]), gradient[:, 1] * (0.5 * shape[1]))
     return moved
-
-
-def quantise(planes: Float32Array) -> UInt8Array:
-    """Colours (3, H, W) in 0..1 as a picture (H, W, 3)."""
-    return np.ascontiguousarray((np.clip(planes, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8).transpose(1, 2, 0))

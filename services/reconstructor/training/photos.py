@@ -14,7 +14,7 @@ from readygo.common.images.encoded import read_pixels
 from readygo.services.reconstructor.frames.masks import FOLDER as MASKS
 from readygo.services.reconstructor.frames.masks import read_mask, shrink_mask
 from readygo.services.reconstructor.posed import PosedImages
-from readygo.services.reconstructor.poses import colmap
+from readygo.services.reconstructor.poses import colmap, undistortion
 from readygo.services.reconstructor.poses.config import PosesConfig
 from readygo.services.reconstructor.similarity import Similarity
 from readygo.services.reconstructor.stages import Stages, code_digest, identity_of
@@ -70,8 +70,6 @@ class Posed:
 class Photo:
     """A photo at the size that it is trained or measured at."""
 
-    number: int
-    """Number of the view."""
     rgb: Float32Array
     """Colours in 0..1, shape (3, H, W)."""
     K_px: Float64Array
@@ -130,9 +128,9 @@ def _undistort(model: Path, images: Path, masks: Path, undistorted: Path) -> Non
 
     def make(folder: Path) -> dict[str, bool]:
         same = Similarity(scale=1.0, R=np.eye(3), t=np.zeros(3))
-        colmap.write_undistorted(model, images, folder, same, PosesConfig())
+        undistortion.write_undistorted(model, images, folder, same, PosesConfig())
         if masks.is_dir():
-            colmap.write_undistorted_masks(model, masks, folder)
+            undistortion.write_undistorted_masks(model, masks, folder)
         return {"masks": masks.is_dir()}
 
     files = [*colmap.model_files(model), *(images / name for name in names), *(masks / f"{name}.png" for name in names)]
@@ -213,7 +211,7 @@ class PhotoStore:
         planes = np.empty((3, *pixels.shape[:2]), dtype=np.float32)
         for channel in range(3):
             np.multiply(pixels[:, :, channel], BRIGHTNESS, out=planes[channel])
-        return Photo(number=number, rgb=planes, K_px=K, T_world_camera=T, mask=self.mask(number))
+        return Photo(rgb=planes, K_px=K, T_world_camera=T, mask=self.mask(number))
 
     def items(self) -> Iterator[tuple[str, Photo]]:
         """Names of the images, and their photos."""

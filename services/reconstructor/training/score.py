@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from readygo.common.arrays import Float32Array
-from readygo.common.drawing.files import write_png
-from readygo.services.reconstructor.training.drawing import draw, leaves_of, planes_of, quantise
+from readygo.common.drawing.files import quantise, write_png
+from readygo.services.reconstructor.training.drawing import draw, leaves_of, planes_of
 from readygo.services.reconstructor.training.parameters import Gaussians
 from readygo.services.reconstructor.training.photometric import Photometric, fit_colours, psnr_db
 from readygo.services.reconstructor.training.photos import PhotoStore

@@ -24,11 +24,11 @@ import numpy as np
 
 from readygo.common.arrays import BoolArray, Float32Array, Float64Array, Int64Array
 from readygo.common.documents import read_json
-from readygo.common.drawing.files import write_png
+from readygo.common.drawing.files import quantise, write_png
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
 from readygo.services.reconstructor.training.config import DensityConfig, GaussiansConfig
-from readygo.services.reconstructor.training.drawing import Leaves, draw, leaves_of, planes_of, quantise
+from readygo.services.reconstructor.training.drawing import Leaves, draw, leaves_of, planes_of
 from readygo.services.reconstructor.training.parameters import Gaussians
 from readygo.services.reconstructor.training.photos import Photo, PhotoStore, Posed
 from readygo.services.reconstructor.training.progress import Tell, TrainingProgress

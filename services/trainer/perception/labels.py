@@ -12,11 +12,10 @@ from readygo.common.dataset import Dataset
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps import OccupancyMap, SightMap
 from readygo.common.perception.grid import FAR_M, polar_grid
+from readygo.services.trainer.episodes import BODY_RADIUS_M
 
 PEOPLE_MAX = 8
 """Most humans of one image that have labels, the nearest ones."""
-BODY_RADIUS_M = 0.25
-"""A human whose disc of this radius reaches into the view is in it [m]."""
 VELOCITY_S = 0.1
 """Velocities are those between this long before and after the image [s]."""
 RAY_MAX_M = 10.0

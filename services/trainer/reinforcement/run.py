@@ -20,6 +20,7 @@ import torch
 
 from readygo.common.arrays import AnyArray, Float32Array, Float64Array, Int8Array
 from readygo.common.config import section_to_mapping
+from readygo.common.documents import write_json
 from readygo.common.drawing.charts import Curve, line_chart, write_chart
 from readygo.common.errors import PolicyError
 from readygo.common.files import write_then_rename, write_whole
@@ -247,7 +248,7 @@ class Training:
             "val_episodes": sum(map(len, self._val)),
             "parameters": sum(weight.numel() for weight in self.learner.actor.parameters()),
         }
-        write_whole(self._out / METRICS_FILE, json.dumps(metrics, indent=2) + "\n", raises=PolicyError)
+        write_json(self._out / METRICS_FILE, metrics, raises=PolicyError)
         write_chart(self._out / CHART_FILE, _chart(curve))
         return metrics
 

@@ -9,23 +9,20 @@ import numpy as np
 import pytest
 
 from readygo.apps.avatar.capture import AvatarCaptureConfig, capture_avatar, disturb_mask, disturb_poses, film_motion
-from readygo.common.avatars import Avatar, joint_positions, load_avatars
+from readygo.common.avatars import Avatar, joint_positions
 from readygo.common.errors import AvatarError, ConfigError
 from readygo.common.frames import axis_angle_from_matrix, matrix_from_axis_angle
 from readygo.runs.scene_argument import open_scene
 from readygo.services.reconstructor.avatars.footage import read_footage, read_views
 from readygo.services.reconstructor.avatars.keypoints import read_keypoints
+from tests.common.avatars.coarse import coarse_avatar
 
 CONFIG = AvatarCaptureConfig(frames=8, width_px=64, height_px=64)
 
 
 @pytest.fixture(scope="module")
 def person() -> Avatar:
-    body = load_avatars()["amara"]
-    rows = np.arange(0, len(body.cloud), 30)
-    cloud = body.cloud.select(rows)
-    cloud = dataclasses.replace(cloud, scales_m=cloud.scales_m * np.float32(5.0))
-    return dataclasses.replace(body, cloud=cloud, lbs_index=body.lbs_index[rows], lbs_weight=body.lbs_weight[rows])
+    return coarse_avatar()
 
 
 def test_film_has_the_person_in_image_and_mask(person: Avatar, tmp_path: Path) -> None:

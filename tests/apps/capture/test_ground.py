@@ -10,7 +10,6 @@ from readygo.apps.capture.ground import (
     closed_way,
     marker_place,
     walking_ground,
-    wrapped_rad,
 )
 from readygo.common.errors import SceneError
 from readygo.common.maps import GridFrame, clearance_m
@@ -108,8 +107,3 @@ def test_doors_are_passed_only_where_there_is_too_little_room_without() -> None:
     small = wide.copy()
     small[:, 15:47] = False
     assert _room(cells & ~(np.arange(100) > 70), small & (np.arange(100) < 4), squared, 0.05)[:, 55:70].any()
-
-
-def test_angles_are_wrapped_to_half_a_turn() -> None:
-    angles = np.array([3.2, -3.2, 7.0, -math.pi, 0.4])
-    np.testing.assert_allclose(wrapped_rad(angles), [3.2 - math.tau, math.tau - 3.2, 7.0 - math.tau, -math.pi, 0.4])

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -36,6 +37,32 @@ def test_avatar_report_and_poses_are_written(
     assert load_avatar(out).name == "person"
     assert {path.name for path in tmp_path.iterdir()} == {"person.npz", "person.html", "person.poses.npz"}
     assert np.load(tmp_path / "person.poses.npz")["joints_m"].shape == (8, 24, 3)
+
+
+@pytest.mark.parametrize("when", ["before", "meanwhile", "after"])
+def test_ctrl_c_names_the_state_beside_the_avatar_where_there_is_any(
+    when: str, film: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    work = tmp_path / "person.work"
+
+    def interrupt(*_: object, **__: object) -> object:
+        if when != "before":
+            work.mkdir()
+        if when == "after":
+            return SimpleNamespace(avatar=load_avatars()["hana"])
+        raise KeyboardInterrupt
+
+    def stop_writing(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("readygo.services.reconstructor.extract_avatar", interrupt)
+    monkeypatch.setattr("readygo.apps.commands.avatar_extract.save_avatar", stop_writing)
+    with pytest.raises(SystemExit) as stop:
+        run_command(COMMANDS, ["avatar", "extract", str(film), "--out", str(tmp_path / "person.npz")])
+    assert stop.value.code == 130
+    resumes = f"the same command resumes from the state in {work}."
+    said = "nothing is saved yet." if when == "before" else resumes
+    assert capsys.readouterr().err.splitlines()[-1] == f"readygo: stopped; {said}"
 
 
 def test_avatar_comes_of_keypoints(

@@ -4,6 +4,8 @@ from pathlib import Path
 import pytest
 
 from readygo.__main__ import main
+from readygo.apps.benchmark.drive import SuiteDrive
+from tests.common.dataset.episodes import write_shard
 from tests.runs.benchmark.suites import small_suite
 
 
@@ -45,6 +47,35 @@ def test_suite_is_driven_verified_packed_and_made_a_table(command, tmp_path: Pat
     assert f"readygo: {out} does not verify: 1 mismatches" in error
     code, _, error = command("verify", out)
     assert (code, "is of the suite 'small/1', which does not come with readygo" in error) == (2, True)
+
+
+def test_results_are_not_written_into_recorded_data_or_a_file(command, monkeypatch, tmp_path: Path):
+    monkeypatch.chdir(tmp_path)
+    write_shard(tmp_path / "data", [0])
+    (tmp_path / "file").touch()
+    before = sorted(tmp_path.rglob("*"))
+    for out, words in (("data", "holds recorded data"), ("file", "is a file")):
+        said = command("run", "pedestrian-nav/1", "expert", "--out", out)
+        assert said == (2, "", f"readygo: --out {out} {words}; choose a new folder.\n")
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize("driven", [True, False])
+def test_interrupted_run_says_what_is_kept(command, monkeypatch, tmp_path: Path, driven):
+    def interrupt(drive: SuiteDrive, **_: object) -> None:
+        drive.folder.mkdir()
+        if driven:
+            (drive.folder / "cells").mkdir()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("readygo.apps.commands.benchmark.drive_suite", interrupt)
+    small_suite(tmp_path)
+    out = tmp_path / "out"
+    code, _, error = command("run", tmp_path / "small.toml", "straight-line", "--out", out)
+    kept = f"the episodes that ended are kept in {out}; the same command resumes."
+    assert code == 130
+    assert error.splitlines()[-1] == f"readygo: stopped; {kept if driven else 'nothing is saved yet.'}"
+    assert out.exists() == driven
 
 
 @pytest.mark.parametrize(

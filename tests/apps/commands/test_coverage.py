@@ -1,9 +1,11 @@
 """Coverage of datasets whose content is known."""
 
 import json
+import sys
 
 import pytest
 
+from readygo.__main__ import main
 from readygo.apps.commands.coverage import CoverageOptions, coverage
 from readygo.common.errors import DatasetError, SceneError
 from readygo.common.maps import save_ros_map
@@ -36,6 +38,18 @@ def test_page_says_when_the_map_is_not_at_hand_and_draws_it_when_it_is_named(dat
     coverage(CoverageOptions(data=data, out=tmp_path / "out", scene=str(tmp_path / "room.yaml")))
     assert "not available" not in (tmp_path / "out" / "coverage.html").read_text()
     assert json.loads((tmp_path / "out" / "coverage.json").read_text())["visited_share"] > 0
+
+
+def test_page_is_not_written_into_recorded_data_or_a_file(data, tmp_path, monkeypatch, capsys) -> None:
+    before = sorted(data.rglob("*"))
+    (tmp_path / "file").touch()
+    for out, words in ((data, "holds recorded data"), (tmp_path / "file", "is a file")):
+        monkeypatch.setattr(sys, "argv", ["readygo", "coverage", str(data), "--out", str(out)])
+        with pytest.raises(SystemExit) as stop:
+            main()
+        assert stop.value.code == 2
+        assert capsys.readouterr().err == f"readygo: --out {out} {words}; choose a new folder.\n"
+    assert sorted(data.rglob("*")) == before
 
 
 def test_mistakes_leave_nothing_behind(data, tmp_path) -> None:

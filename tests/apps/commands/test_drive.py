@@ -327,6 +327,18 @@ def test_signals_are_left_alone_while_the_robot_is_told_to_stand():
         command._hang_up(1, None)
 
 
+def test_ctrl_c_before_a_trial_says_that_the_robot_is_not_driven(policy, monkeypatch):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(command, "connect_robot", lambda *_, **__: SimpleNamespace(close=lambda: None))
+    monkeypatch.setattr(command, "_camera_of", interrupt)
+    before = signal.getsignal(signal.SIGHUP)
+    with pytest.raises(KeyboardInterrupt, match=r"^the robot is not driven\.$"):
+        drive(DriveOptions(policy=policy, goal=(1.0, 0.0)))
+    signal.signal(signal.SIGHUP, before)
+
+
 class FailingRobot:
     """Sends an image and odometry at every call, and fails after a while."""
 

@@ -6,8 +6,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -23,7 +21,6 @@ from readygo.apps.commands.generate import (
     PlaceOptions,
     RecordingOptions,
     _check_place,
-    _how_to_join,
     _record,
     generate,
     progress_bar,
@@ -39,6 +36,7 @@ from readygo.runs.folder import RunFolder
 from tests.common.messages.run_specs import SPEC
 from tests.common.policy.artifacts import ROBOT, write_policy
 from tests.common.state_policy.state_policies import write_state_policy
+from tests.waiting import wait_for
 
 ROOT = Path(__file__).resolve().parents[3]
 EPISODES = 5
@@ -74,13 +72,6 @@ def _digests(data: Path) -> dict[str, str]:
 def _command(scene: Path, config: Path, out: Path, workers: int) -> list[str]:
     options = ["--out", str(out), "--episodes", str(EPISODES), "--workers", str(workers), "--config", str(config)]
     return [sys.executable, "-m", "readygo", "generate", str(scene), *options, "--json"]
-
-
-def _wait_for(condition: Callable[[], bool], timeout_s: float = 90.0) -> None:
-    deadline_s = time.monotonic() + timeout_s
-    while not condition():
-        assert time.monotonic() < deadline_s, "the fleet did not get that far in time"
-        time.sleep(0.01)
 
 
 def _rendering(out: Path) -> bool:
@@ -151,7 +142,7 @@ def test_interrupted_fleet_leaves_nothing_behind_and_resumes_to_the_same_bytes(
     listen = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     run = subprocess.Popen(command, cwd=ROOT, text=True, preexec_fn=listen, **pipes)
-    _wait_for(lambda: _rendering(out))
+    wait_for(lambda: _rendering(out), timeout_s=90.0)
     workers = workers_below(run.pid)
     assert len(workers) == 6
     run.send_signal(signal.SIGINT)
@@ -391,7 +382,10 @@ def test_run_on_other_hosts_is_led_from_here_without_workers(
     assert begun == [(SPEC, tmp_path, 5)]
     assert led == [(tmp_path, fleet, {"strict": False, "observing": options.observe})]
     assert recorded == []
-    assert capsys.readouterr().err == _how_to_join(SPEC, tmp_path, "tcp/lab:7447", None) + "\n"
+    assert capsys.readouterr().err == (
+        f"More workers can join: READYGO_TOKEN=$(tail -1 {RunFolder(tmp_path).state / 'endpoint'}) "
+        f"readygo worker {SPEC.stages[-1].role} --connect tcp/lab:7447 --run {SPEC.run}\n"
+    )
 
 
 @pytest.mark.parametrize("log_format", ["json", "text"])
@@ -403,17 +397,6 @@ def test_logs_of_this_process_have_the_format_that_was_asked_for(
     observe = Observing(log_format=log_format)
     _record(SPEC, 9, GenerateOptions(out=tmp_path, workers=0, json=True, observe=observe))
     assert begun == ([("json", SPEC.run, "launcher", "launcher")] if log_format == "json" else [])
-
-
-def test_further_workers_are_told_how_to_join(tmp_path: Path) -> None:
-    state, role = RunFolder(tmp_path).state / "endpoint", SPEC.stages[-1].role
-    command = f"readygo worker {role} --connect tcp/lab:7447 --run {SPEC.run}"
-    assert (
-        _how_to_join(SPEC, tmp_path, "tcp/lab:7447", None)
-        == f"More workers can join: READYGO_TOKEN=$(tail -1 {state}) {command}"
-    )
-    certified = _how_to_join(SPEC, tmp_path, "tcp/lab:7447", tmp_path)
-    assert certified == f"More workers can join: {command} --certs CERTS"
 
 
 def test_progress_tells_samples_a_second_of_this_command(

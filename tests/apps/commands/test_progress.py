@@ -4,13 +4,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
 
 from readygo.apps.commands.progress import EVERY_S, SteadyProgress
 from readygo.apps.terminal import PlainConsole
-
-
-class Clock:
-    now_s = 0.0
-
-    def __call__(self) -> float:
-        return self.now_s
+from tests.clock import Clock
 
 
 def progress(file: io.StringIO, clock: Clock, *, quiet: bool = False, terminal: bool = False) -> SteadyProgress:

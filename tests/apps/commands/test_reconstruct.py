@@ -44,7 +44,9 @@ def test_mistakes_end_in_one_line(
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(("kept", "words"), [(True, "finished stages stay in"), (False, "no stage is finished yet")])
+@pytest.mark.parametrize(
+    ("kept", "words"), [(True, "finished stages stay in"), (False, "stopped; nothing is saved yet.")]
+)
 def test_ctrl_c_names_the_work_folder_where_something_of_it_is_there(
     kept: bool, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -50,6 +50,23 @@ def test_policy_is_trained_and_the_next_command_is_said(
         assert "other settings, seed, scene, robot or people" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("begun", [True, False])
+def test_ctrl_c_before_the_first_checkpoint_says_that_drawn_episodes_stay(
+    begun: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupt(_: object, __: object, out: Path, **___: object) -> None:
+        if begun:
+            out.mkdir()
+            (out / "checkpoint.pt").touch()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("readygo.apps.commands.rl.run_reinforcement", interrupt)
+    assert _run(["rl", "embedded", "--out", str(tmp_path / "rl")], monkeypatch) == 130
+    drawn, recorded = "drawn episodes stay in the user's cache", "what is recorded or saved stays"
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert said == f"readygo: stopped; {recorded if begun else drawn}, run the same command again to resume."
+
+
 def test_one_policy_learns_in_several_scenes_and_resumes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

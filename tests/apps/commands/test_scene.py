@@ -71,10 +71,16 @@ def test_inspect_prints_a_table_and_takes_radius_and_folder(source, tmp_path, ca
     text = capsys.readouterr().out
     assert "disc of 0.5 m" in text
     assert "scene room" in text
+    assert text.splitlines()[-1] == "All files match the hashes of the manifest."
     assert (tmp_path / "pictures" / "top.png").exists()
     assert not (tmp_path / "room" / "inspect" / "top.png").exists()
     with pytest.raises(SceneError, match="--radius"):
         scene_inspect(SceneInspectOptions(scene=str(tmp_path / "room"), radius=-1.0))
+    data = bytearray((tmp_path / "room" / "scene.ply").read_bytes())
+    data[-1] ^= 1
+    (tmp_path / "room" / "scene.ply").write_bytes(data)
+    with pytest.raises(SceneError, match=r"is damaged: scene\.ply has changed; import the scene again"):
+        scene_inspect(SceneInspectOptions(scene=str(tmp_path / "room"), out=tmp_path / "pictures"))
 
 
 def test_command_line_reports_a_mistake_in_one_line(tmp_path):

@@ -1,4 +1,5 @@
 import dataclasses
+import json
 
 import cv2
 import numpy as np
@@ -14,10 +15,11 @@ from readygo.apps.commands.scene_edit import (
     scene_crop,
     scene_scale,
 )
+from readygo.apps.commands.scene_report import SceneReportOptions, scene_report
 from readygo.common.errors import SceneError
 from readygo.common.gaussians import concatenate, load_gaussians, save_ply
 from readygo.common.maps import MapConfig
-from readygo.common.scenes import SceneSource, load_scene, save_scene
+from readygo.common.scenes import SceneSource, import_scene, load_scene, save_scene
 from tests.common.maps.room import box, room
 
 
@@ -114,6 +116,25 @@ def test_report_of_a_scaled_scene_names_the_factor_and_no_interval(reconstructed
     assert (report["training"], report["verdict"], report["up"]) == (
         REPORT["training"], REPORT["verdict"], REPORT["up"]
     )  # fmt: skip
+
+
+def test_scaled_scene_that_was_imported_says_its_new_scale(bundle, tmp_path, capsys):
+    save_ply(bundle.cloud, tmp_path / "room.ply")
+    import_scene(tmp_path / "room.ply", tmp_path / "imported", scale=0.9, translate_m=(1.0, 2.0, 0.5))
+    scene_scale(SceneScaleOptions(scene=str(tmp_path / "imported"), out=tmp_path / "once", factor=1.2))
+    scene_scale(SceneScaleOptions(scene=str(tmp_path / "once"), out=tmp_path / "twice", factor=0.95))
+    source = load_scene(tmp_path / "twice").metadata["source"]
+    assert source["scale"] == pytest.approx(0.9 * 1.2 * 0.95)
+    assert source["scale_origin"] == "given on import, then scaled by 1.2, then scaled by 0.95"
+    # The file's Gaussians come to the scene's places by what its source says.
+    moved = source["scale"] * load_gaussians(tmp_path / "room.ply").means_m + np.array(source["translate_m"])
+    np.testing.assert_allclose(np.sort(load_scene(tmp_path / "twice").cloud.means_m, axis=0), np.sort(moved, axis=0),
+                               atol=1e-4)  # fmt: skip
+    capsys.readouterr()
+    scene_report(SceneReportOptions(scene=str(tmp_path / "twice"), json=True))
+    assert json.loads(capsys.readouterr().out)["scale"] == {
+        "metres_per_unit": pytest.approx(1.026), "source": source["scale_origin"], "interval_percent": None,
+    }  # fmt: skip
 
 
 def test_report_of_an_aligned_scene_says_what_was_turned(reconstructed, tmp_path):

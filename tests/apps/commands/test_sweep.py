@@ -13,7 +13,7 @@ from readygo.__main__ import main
 from readygo.apps.commands import sweep as command
 from readygo.apps.options import SHORT_MAX, describe_options
 from readygo.apps.sweep.folder import PointRecord, SweepFolder
-from tests.apps.sweep.sweeps import EVALUATE, write_sweep
+from tests.apps.sweep.sweeps import EVALUATE, records_of, write_sweep
 
 ONE_ARM = (
     EVALUATE.partition("[arms.paper]")[0].replace('"embedded", "embedded:1"', '"embedded"').replace(', "expert"', "")
@@ -60,15 +60,6 @@ def _fake_slurm(folder: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setenv("PATH", f"{programs}{os.pathsep}{os.environ['PATH']}")
 
 
-def _records(folder: Path) -> dict[str, Any]:
-    """Hash, result and records of the episodes of each point."""
-    points = json.loads((folder / "sweep.json").read_text())["points"]
-    return {
-        point["name"]: (point["sha256"], point["result"], (folder / point["name"] / "episodes.jsonl").read_text())
-        for point in points
-    }
-
-
 def _attempts(folder: Path) -> list[int]:
     return [point["attempts"] for point in json.loads((folder / "sweep.json").read_text())["points"]]
 
@@ -90,7 +81,7 @@ def test_killed_sweep_and_one_on_slurm_that_loses_nodes_have_the_same_records(
     _fake_slurm(tmp_path, array, monkeypatch)
     for _ in range(2):
         assert _run([str(path), "--out", str(array), "--on", "slurm"], monkeypatch) == 0
-    assert _records(array) == _records(killed)
+    assert records_of(array) == records_of(killed)
     assert _attempts(array) == [2, 2]
     assert _attempts(killed) == [1, 2]
 

@@ -37,6 +37,25 @@ def test_mistakes_end_in_one_line(
     assert not (tmp_path / "out" / "gaussians.ply").exists()
 
 
+@pytest.mark.parametrize("begun", [True, False])
+def test_ctrl_c_names_the_state_where_there_is_any(
+    begun: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(posed: Path, out: Path, *_: object) -> None:
+        if begun:
+            out.mkdir()
+            (out / "checkpoint.npz").touch()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("readygo.services.reconstructor.train_gaussians", interrupted)
+    out = tmp_path / "out"
+    with pytest.raises(SystemExit) as stop:
+        run_command(COMMANDS, ["scene", "train", str(tmp_path), "--out", str(out)])
+    assert stop.value.code == 130
+    words = f"the same command resumes from the state in {out}." if begun else "nothing is saved yet."
+    assert capsys.readouterr().err.splitlines()[-1] == f"readygo: stopped; {words}"
+
+
 REPORT = {
     "seconds": {"images": 1.26, "steps": 30.5}, "gaussians": 98765, "images": 40,
     "psnr_db": 25.678, "psnr_fitted_db": 26.5, "ssim": 0.8126, "notes": ["9 alone"],

@@ -30,6 +30,15 @@ def test_demo_replaces_an_earlier_demo(tmp_path: Path) -> None:
     assert not (tmp_path / "demo" / "run").exists()
 
 
+def test_ctrl_c_says_that_the_demo_begins_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(demo, "warm_all", interrupt)
+    with pytest.raises(KeyboardInterrupt, match=r"^the same command begins the demo again\.$"):
+        demo.demo(demo.DemoOptions(out=tmp_path / "demo"))
+
+
 def test_film_shows_the_closest_pass_of_the_policy_that_was_filmed(tmp_path: Path) -> None:
     records = [record(k, Outcome.SUCCESS, near_m) for k, near_m in ((1, 0.7), (2, 0.5), (3, 0.4))]
     expert = record(4, Outcome.SUCCESS, 0.2, method=EXPERT)

@@ -28,7 +28,9 @@ class FakeSession:
 
 def test_commands_have_the_type_and_the_hash_that_the_base_subscribes_to():
     wire, types = RosWire(3, "drive"), (TWIST_TYPE, STAMPED_TWIST_TYPE)
-    stamped = Endpoint(kind=SUBSCRIBER, topic="/cmd_vel", type_name=STAMPED_TWIST_TYPE, type_hash=ros_keys.NO_HASH)
+    stamped = Endpoint(
+        kind=SUBSCRIBER, topic="/cmd_vel", type_name=STAMPED_TWIST_TYPE, type_hash="TypeHashNotSupported"
+    )
     address = wire.address(FakeSession(stamped), "cmd_vel", types, PUBLISHER)
     assert address.type_name == STAMPED_TWIST_TYPE
     assert address.key == "3/cmd_vel/geometry_msgs::msg::dds_::TwistStamped_/TypeHashNotSupported"

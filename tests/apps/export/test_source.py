@@ -12,7 +12,7 @@ from tests.crooked import ODD_RATES, crooked_episode
 def test_training_comes_first_and_every_row_has_a_number(source: ExportSource) -> None:
     assert [len(source.episode(number)) for number in range(source.episode_count)] == [21, 10, 6]
     assert [source.episode(number).first_row for number in range(3)] == [0, 21, 31]
-    assert (source.row_count, source.rate_hz, source.dt_s) == (37, 20, 0.05)
+    assert (source.row_count, source.rate_hz) == (37, 20)
     assert source.of_split(Split.VAL) == range(2, 3)
     assert source.of_split(Split.TEST) == range(0)
 
@@ -49,7 +49,7 @@ def test_rate_without_an_image_at_every_row_is_refused(data: Path, rate_hz: int)
 
 
 def test_numbers_of_the_rows_are_those_of_the_samples_with_images(crooked_source: ExportSource) -> None:
-    assert (crooked_source.rate_hz, crooked_source.stride, crooked_source.dt_s) == (15, 2, 2 / 30)
+    assert (crooked_source.rate_hz, crooked_source.stride) == (15, 2)
     first, second = (crooked_source.episode(number) for number in range(2))
     assert (len(first), first.first_row, len(second), second.first_row) == (6, 0, 9, 6)
     assert second.name == "000001-train-7-000008"

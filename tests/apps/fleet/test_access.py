@@ -8,6 +8,7 @@ import pytest
 pytest.importorskip("cryptography", reason="needs the extra tls")
 
 from readygo.apps.fleet.access import (
+    how_to_join,
     identity_for,
     join,
     join_in_time,
@@ -93,3 +94,11 @@ def test_what_a_router_says_does_not_mix_with_what_a_command_prints(capfd: pytes
         os.write(1, b"refused\n")
     os.write(1, b"result\n")
     assert capfd.readouterr() == ("result\n", "refused\n")
+
+
+def test_further_workers_are_told_how_to_join(tmp_path: Path) -> None:
+    command = "readygo worker renderer --connect tcp/lab:7447 --run lab"
+    open_to_the_owner = how_to_join(tmp_path, "renderer", "tcp/lab:7447", " --run lab", certs=None)
+    assert open_to_the_owner == f"More workers can join: READYGO_TOKEN=$(tail -1 {tmp_path / 'endpoint'}) {command}"
+    certified = how_to_join(tmp_path, "renderer", "tcp/lab:7447", " --run lab", certs=tmp_path)
+    assert certified == f"More workers can join: {command} --certs CERTS"

@@ -6,7 +6,7 @@ import shutil
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from types import SimpleNamespace
@@ -38,6 +38,7 @@ from readygo.runs.world import World
 from readygo.services.coordinator import Ledger
 from readygo.services.recorder import attach as attach_recorder
 from tests.apps.fleet.toy_line import DRAW, FILM, draw, entry, in_process, make_folder
+from tests.waiting import wait_for
 
 EPISODES = 12
 RUN = "run-test"
@@ -97,13 +98,6 @@ def certs(tmp_path: Path) -> Path:
 def pool() -> Iterator[ThreadPoolExecutor]:
     with ThreadPoolExecutor(8) as pool:
         yield pool
-
-
-def wait_for(happened: Callable[[], object], limit_s: float = 60.0) -> None:
-    deadline_s = time.monotonic() + limit_s
-    while not happened():
-        assert time.monotonic() < deadline_s, "it did not happen in time"
-        time.sleep(0.02)
 
 
 def _record(endpoint: str, certs: Path, shards: Path) -> None:

@@ -38,7 +38,7 @@ def test_worker_that_joins_does_the_job(tmp_path: Path, monkeypatch: pytest.Monk
     endpoint, heard = free_endpoint(), Heard()
     job = Job(source=tmp_path / "v.mp4", out=tmp_path / "lobby", work=tmp_path / "work")
     replies: list[dict[str, Any]] = []
-    asker = threading.Thread(target=lambda: replies.append(ask_worker(job, ReconstructorConfig(), endpoint, heard)))
+    asker = threading.Thread(target=lambda: replies.append(ask_worker(job, ReconstructorConfig(), endpoint, heard.say)))
     asker.start()
     _join(endpoint)
     asker.join(timeout=20.0)

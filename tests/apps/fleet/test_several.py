@@ -28,8 +28,8 @@ from readygo.runs.stages import stage_works
 from readygo.runs.world import World
 from readygo.services.coordinator import service
 from readygo.services.recorder import attach as attach_recorder
-from tests.apps.fleet.test_lead import wait_for
 from tests.apps.fleet.toy_line import DRAW, FILM, draw, entry, in_process, make_folder
+from tests.waiting import wait_for
 
 LINE = [DRAW, FILM]
 

@@ -18,6 +18,7 @@ from readygo.common.bus.zenoh_bus import free_endpoint
 from readygo.common.dataset import Dataset, validate
 from readygo.common.errors import RunError
 from readygo.common.scenes.embedded import ensure_embedded_scene
+from tests.apps.fleet.slurm_commands import fake_slurm
 
 DAEMONS = ("munged", "slurmctld", "slurmd")
 NODE_CPUS = 8
@@ -52,17 +53,8 @@ PartitionName=debug Nodes=localhost Default=YES MaxTime=INFINITE State=UP
 
 @pytest.fixture
 def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Commands of Slurm that write down what they are asked; `squeue` finds what `tmp_path/queue` says."""
-    folder = tmp_path / "bin"
-    folder.mkdir()
-    for name, answer in (("sbatch", "echo '17;cluster'"), ("squeue", f"cat {tmp_path}/queue"), ("scancel", "true")):
-        script = folder / name
-        script.write_text(f'#!/bin/sh\nprintf "%s\\n" {name} "$@" >> {tmp_path}/asked\n{answer}\n')
-        script.chmod(0o755)
-    (tmp_path / "queue").write_text("RUNNING\n")
-    monkeypatch.setenv("PATH", f"{folder}{os.pathsep}{os.environ['PATH']}")
     monkeypatch.setattr(slurm, "CHECK_S", 0.0)
-    return tmp_path / "asked"
+    return fake_slurm(tmp_path, monkeypatch, "RUNNING\n")
 
 
 def _workers(asked: Path, options: str = "") -> SlurmWorkers:

@@ -5,24 +5,17 @@ import pytest
 
 from readygo.apps.learn.background import Background
 from readygo.common.errors import PolicyError
-
-
-def wait_for(background: Background) -> object:
-    deadline_s = time.monotonic() + 10.0
-    while (result := background.result()) is None:
-        assert time.monotonic() < deadline_s
-        time.sleep(0.01)
-    return result
+from tests.waiting import wait_for
 
 
 def test_result_comes_once_and_then_there_is_room_for_more() -> None:
     with Background() as background:
         background.start(lambda check: 3)
-        assert wait_for(background) == 3
+        assert wait_for(background.result) == 3
         assert background.result() is None
         assert not background.busy
         background.start(lambda check: 4)
-        assert wait_for(background) == 4
+        assert wait_for(background.result) == 4
 
 
 def test_error_of_the_work_is_raised_where_its_result_is_asked_for() -> None:
@@ -32,7 +25,7 @@ def test_error_of_the_work_is_raised_where_its_result_is_asked_for() -> None:
     with Background() as background:
         background.start(fails)
         with pytest.raises(PolicyError, match="no such policy"):
-            wait_for(background)
+            wait_for(background.result)
 
 
 def test_work_ends_with_its_block() -> None:

@@ -3,7 +3,7 @@ import json
 
 from readygo.apps.learn.choice import PolicyMeasurement
 from readygo.apps.learn.curve import CurvePoint
-from readygo.apps.learn.gather import _story
+from readygo.apps.learn.gather import _story, driver_scores
 from readygo.apps.learn.learn import Learned, report_content
 from readygo.apps.learn.plan import LearnPlan
 from readygo.apps.report.learn import report_html
@@ -11,6 +11,7 @@ from readygo.apps.report.tables import DriverScore
 from readygo.common.dataset import Dataset
 from readygo.common.episode.metrics import EpisodeResult, summarize
 from readygo.common.messages import DriverKind, Outcome
+from readygo.services.evaluator import STRAIGHT_LINE, EvaluateReply, Task
 
 CHOSEN = PolicyMeasurement(fraction=0.5, policy="ab", episodes=8, static=0.5, dynamic=0.25)
 POINTS = [
@@ -77,3 +78,15 @@ def test_story_names_who_drove_how_well() -> None:
     ]
     assert "reaches its goal in 100 % static; the expert" in _story(scores)
     assert _story(scores[1:]) == ""
+
+
+def test_scores_name_the_scene_where_there_are_several() -> None:
+    result = EpisodeResult(outcome=Outcome.SUCCESS, duration_s=1.0, path_length_m=1.0, shortest_m=1.0)
+    summary = summarize([result], time_limit_s=50.0)
+    reply = EvaluateReply(records=(), summaries={(Task.DYNAMIC, STRAIGHT_LINE): summary}, skipped=0, episodes=())
+    (alone,) = driver_scores({"hall": reply})
+    assert (alone.task, alone.driver, alone.summary) == ("among humans", STRAIGHT_LINE, summary)
+    assert [score.task for score in driver_scores({"hall": reply, "flat": reply})] == [
+        "among humans, hall",
+        "among humans, flat",
+    ]

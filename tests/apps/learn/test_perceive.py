@@ -22,7 +22,8 @@ from readygo.apps.learn.plan import lock_folder
 from readygo.apps.report.perception import reason
 from readygo.common.camera import CameraConfig
 from readygo.common.errors import ConfigError, RunError
-from readygo.common.robot import RobotConfig, RobotRanges
+from readygo.common.robot import RobotConfig
+from readygo.common.robot.ranges import RobotRanges
 from readygo.runs.config import config_of, load_run_config, with_mix
 from readygo.services.driver import DriverConfig
 from readygo.services.evaluator import EvaluateRequest, Task

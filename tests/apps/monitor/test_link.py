@@ -9,8 +9,9 @@ from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
 from readygo.common.errors import BusError, CertificateError, RunError
 from readygo.common.messages import RunSpec, topics
 from readygo.runs.folder import RunFolder
-from tests.apps.monitor.watched import status, wait_for
+from tests.apps.monitor.watched import status
 from tests.common.bus.certified import certificates, certified_router
+from tests.waiting import wait_for
 
 TOKEN = "ab12"
 

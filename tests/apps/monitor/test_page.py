@@ -14,8 +14,9 @@ from readygo.common.messages.live import LivePreview
 from tests.apps.monitor.fakes import Client
 from tests.apps.monitor.test_splats import make_cloud
 from tests.apps.monitor.test_watch import renderer, states
-from tests.apps.monitor.watched import status, tell_status, wait_for, watched
+from tests.apps.monitor.watched import status, tell_status, watched
 from tests.common.perception.test_live import perception
+from tests.waiting import wait_for
 
 
 def house() -> DollsHouse:

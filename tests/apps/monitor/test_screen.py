@@ -20,7 +20,8 @@ from readygo.common.errors import RunError
 from readygo.common.messages import topics
 from tests.apps.monitor.test_page import house
 from tests.apps.monitor.test_watch import renderer, states
-from tests.apps.monitor.watched import status, tell_status, wait_for, watched
+from tests.apps.monitor.watched import status, tell_status, watched
+from tests.waiting import wait_for
 
 pytest.importorskip("viser", reason="viser is not installed: readygo[monitor]")
 OF_VISER = "computeBoundingSphere"

@@ -6,9 +6,11 @@ from readygo.common.bus import InProcessBus, Member
 from readygo.common.fleet.shown import state_of
 from readygo.common.messages import DriverKind, EpisodeKey, Outcome, Split, topics
 from readygo.common.messages.live import LiveCommit, LiveEvaluation, LiveLoss, LivePreview, LiveState, LiveWork
-from tests.apps.monitor.watched import Worker, status, tell_status, wait_for, watched
+from tests.apps.monitor.watched import Worker, status, tell_status, watched
+from tests.clock import Clock
 from tests.common.dataset.episodes import make_episode
 from tests.common.perception.test_live import perception
+from tests.waiting import wait_for
 
 
 def states(index: int = 0, count: int = 4) -> list[LiveState]:
@@ -159,13 +161,6 @@ def test_who_left_hears_of_nobody_new() -> None:
     assert not watch._heard
 
 
-class Clock:
-    now_s = 1000.0
-
-    def __call__(self) -> float:
-        return self.now_s
-
-
 def note_renderer(watch: RunWatch, bus: InProcessBus, name: str, alive: bool = True) -> None:
     """A renderer comes or goes on a bus."""
     watch._on_presence(bus, Member("renderer", name, "s"), alive)
@@ -173,7 +168,7 @@ def note_renderer(watch: RunWatch, bus: InProcessBus, name: str, alive: bool = T
 
 def heard(*names: str) -> tuple[RunWatch, Clock]:
     """A watch whose messages come by hand, and its workers."""
-    clock = Clock()
+    clock = Clock(1000.0)
     watch, bus = RunWatch(clock), InProcessBus()
     for name in names:
         note_renderer(watch, bus, name)
@@ -269,7 +264,7 @@ def test_worker_is_heard_once_on_every_bus() -> None:
 
 
 def test_worker_that_meets_its_successor_is_there_until_both_have_left() -> None:
-    watch, bus = RunWatch(Clock()), InProcessBus()
+    watch, bus = RunWatch(Clock(1000.0)), InProcessBus()
     for session, alive, seen in (("a", True, True), ("b", True, True), ("a", False, True), ("b", False, False)):
         watch._on_presence(bus, Member("renderer", "r0", session), alive)
         assert watch.workers["renderer", "r0"].alive == seen

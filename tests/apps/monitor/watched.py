@@ -1,8 +1,5 @@
 """A run on a bus within this process, and a watch that hears it."""
 
-import threading
-import time
-from collections.abc import Callable
 from typing import Any
 
 from readygo.apps.monitor.watch import RunWatch
@@ -47,11 +44,3 @@ def status(**changes: Any) -> StatusReply:
 
 def tell_status(run: InProcessBus, reply: StatusReply) -> None:
     run.publish(topics.PROGRESS, reply)
-
-
-def wait_for(seen: Callable[[], object], timeout_s: float = 20.0) -> None:
-    """Wait until something is true."""
-    deadline_s = time.monotonic() + timeout_s
-    while not seen():
-        assert time.monotonic() < deadline_s, "it never came"
-        threading.Event().wait(0.01)

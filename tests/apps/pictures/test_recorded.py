@@ -20,7 +20,6 @@ from readygo.common.scenes.top_view import top_view
 from readygo.runs.config import RunConfig
 from readygo.runs.scene_argument import open_scene
 from readygo.runs.spec import make_spec
-from readygo.runs.world import World
 from tests.common.policy.artifacts import ROBOT
 
 
@@ -28,7 +27,7 @@ def record_with(robot: RobotConfig, episodes: int, out: Path) -> RecordedEpisode
     config = RunConfig(robot=robot, episode=EpisodeConfig(goal_distance_max_m=4.0))
     spec = make_spec(open_scene("embedded"), None, config, seed=1, split=Split.TRAIN, static=False)
     record(spec, out, episodes=episodes, workers=0)
-    return RecordedEpisodes(Dataset(out), World(spec))
+    return RecordedEpisodes(Dataset(out), open_scene("embedded").maps.robot)
 
 
 @pytest.fixture(scope="module")
@@ -39,16 +38,18 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> RecordedEpisodes:
 def test_humans_are_where_they_were_recorded(recorded: RecordedEpisodes) -> None:
     data = recorded.dataset
     for entry in data.episodes:
-        scenario, humans = recorded.humans(entry)
-        assert len(humans) == len(scenario.humans) > 0
+        humans, drawn = recorded.film(entry).humans_xy_m, recorded.draw_episode(entry)
         joints_m = data.joints_m(entry.first_sample)
+        assert len(humans) == len(joints_m) > 0
         np.testing.assert_allclose([way[0] for way in humans], joints_m[:, 0, :2], atol=0.01)
-        drawn = recorded.draw_episode(entry)
         assert len(drawn.robot_xy_m) == entry.sample_count
+        for way, shown in zip(humans, drawn.humans_xy_m, strict=True):
+            assert (way[len(shown) :] == way[-1]).all(), "only what repeats the last point is not drawn"
+            assert len(shown) == 1 or (shown[-2] != shown[-1]).any()
 
 
 def test_film_has_a_picture_for_every_row(recorded: RecordedEpisodes, tmp_path: Path) -> None:
-    entry, view = recorded.dataset.episodes[0], top_view(recorded.world.scene)
+    entry, view = recorded.dataset.episodes[0], top_view(open_scene("embedded"))
     film = recorded.film(entry)
     assert (film.outcome, len(film.xyyaw)) == ("success", entry.sample_count)
     assert len(list(film_frames(film, view, step=20))) == -(-entry.sample_count // 20)
@@ -65,7 +66,7 @@ def test_film_has_a_picture_for_every_row(recorded: RecordedEpisodes, tmp_path: 
 def test_films_show_all_cameras_side_by_side(tmp_path: Path) -> None:
     left = dataclasses.replace(ROBOT.camera, mount_yaw_deg=75.0)
     recorded = record_with(dataclasses.replace(ROBOT, cameras={"left": left}), 1, tmp_path / "data")
-    entry, view = recorded.dataset.episodes[0], top_view(recorded.world.scene)
+    entry, view = recorded.dataset.episodes[0], top_view(open_scene("embedded"))
     film = recorded.film(entry, width_px=PAGE_WIDTH_PX)
     together = next(iter(film.camera or ()))
     played = next(iter(recorded_film(recorded.dataset, 0, width_px=PAGE_WIDTH_PX).camera or ()))

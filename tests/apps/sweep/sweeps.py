@@ -1,7 +1,9 @@
 """Sweeps for tests, of a command that takes no time: `readygo evaluate` stands for it by a script."""
 
+import json
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -58,3 +60,12 @@ def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     script.chmod(0o755)
     monkeypatch.setattr(point.sys, "executable", str(script))
     return script
+
+
+def records_of(folder: Path) -> dict[str, Any]:
+    """Hash, result and records of the episodes of each point."""
+    points = json.loads((folder / "sweep.json").read_text())["points"]
+    return {
+        point["name"]: (point["sha256"], point["result"], (folder / point["name"] / "episodes.jsonl").read_text())
+        for point in points
+    }

@@ -1,4 +1,3 @@
-import os
 import sys
 from pathlib import Path
 
@@ -8,21 +7,13 @@ from readygo.apps.sweep.array import index_ranges, submit_array
 from readygo.apps.sweep.folder import SweepFolder
 from readygo.apps.sweep.plan import PointNeeds
 from readygo.common.errors import RunError
+from tests.apps.fleet.slurm_commands import fake_slurm
 from tests.apps.sweep.sweeps import read_sweep
 
 
 @pytest.fixture
 def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Commands of Slurm that write down what they are asked; `squeue` finds what `tmp_path/queue` says."""
-    folder = tmp_path / "bin"
-    folder.mkdir()
-    for name, answer in (("sbatch", "echo '17;cluster'"), ("squeue", f"cat {tmp_path}/queue")):
-        script = folder / name
-        script.write_text(f'#!/bin/sh\nprintf "%s\\n" {name} "$@" >> {tmp_path}/asked\n{answer}\n')
-        script.chmod(0o755)
-    (tmp_path / "queue").write_text("")
-    monkeypatch.setenv("PATH", f"{folder}{os.pathsep}{os.environ['PATH']}")
-    return tmp_path / "asked"
+    return fake_slurm(tmp_path, monkeypatch)
 
 
 def test_array_has_a_job_per_point(tmp_path: Path, asked: Path) -> None:

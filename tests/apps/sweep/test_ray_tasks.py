@@ -18,7 +18,7 @@ from readygo.apps.sweep.plan import PointNeeds
 from readygo.apps.sweep.ray_tasks import import_ray, run_command, run_on_ray
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.extras import is_installed
-from tests.apps.sweep.sweeps import read_sweep, write_sweep
+from tests.apps.sweep.sweeps import read_sweep, records_of, write_sweep
 
 EVALUATE = """
 command = "evaluate"
@@ -55,15 +55,6 @@ def _add_nodes(cluster: Any) -> list[Any]:
     return nodes
 
 
-def _records(folder: Path) -> dict[str, Any]:
-    """Hash, result and records of the episodes of each point."""
-    points = json.loads((folder / "sweep.json").read_text())["points"]
-    return {
-        point["name"]: (point["sha256"], point["result"], (folder / point["name"] / "episodes.jsonl").read_text())
-        for point in points
-    }
-
-
 @needs_ray
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
@@ -83,7 +74,7 @@ def test_sweep_among_two_nodes_of_which_one_dies_has_the_same_records(tmp_path: 
     sweep(SweepOptions(sweep=path, out=out, on="ray", ray_address=cluster.address))
     killer.join()
     sweep(SweepOptions(sweep=path, out=tmp_path / "here"))
-    assert _records(out) == _records(tmp_path / "here")
+    assert records_of(out) == records_of(tmp_path / "here")
     attempts = [point["attempts"] for point in json.loads((out / "sweep.json").read_text())["points"]]
     assert sum(attempts) > len(attempts)
 

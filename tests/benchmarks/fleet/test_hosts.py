@@ -4,8 +4,8 @@ import time
 from pathlib import Path
 
 from readygo.benchmarks.fleet import hosts as module
+from readygo.benchmarks.fleet.bridge import Host
 from readygo.benchmarks.fleet.hosts import FAULTS, HostFleet, Process
-from readygo.benchmarks.recording.three_hosts import Host
 
 
 class StandIn:

@@ -6,9 +6,10 @@ import pytest
 from readygo.benchmarks.planning.clearance import gaussian_clearance_m
 from readygo.common.avatars import FootprintModel
 from readygo.common.maps import FloorMap
-from readygo.common.messages import HumanMotion, Motion
+from readygo.common.messages import HumanMotion
 from readygo.common.robot import RobotConfig
 from readygo.services.planner.expert.interface import HumanBody
+from tests.common.episode.upright import upright_motion
 from tests.services.planner.worlds import FRAME, make_avatar
 
 FLOOR = FloorMap(frame=FRAME, height_m=np.zeros((200, 240), np.float32))
@@ -18,12 +19,7 @@ ROBOT = RobotConfig()
 
 
 def _body(xy_m):
-    root = np.column_stack([xy_m, np.full(len(xy_m), 0.9)]).astype(np.float32)
-    return HumanBody(
-        HumanMotion(avatar="mia", motion=Motion(root_m=root, pose_axis_angle=np.zeros((len(root), 24, 3), np.float32))),
-        AVATAR,
-        MODEL,
-    )
+    return HumanBody(HumanMotion(avatar="mia", motion=upright_motion(xy_m)), AVATAR, MODEL)
 
 
 def _gap(xyyaw, *people):

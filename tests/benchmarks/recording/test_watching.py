@@ -1,3 +1,4 @@
+import os
 import sys
 import threading
 import time
@@ -6,7 +7,7 @@ import msgpack
 import pytest
 
 from readygo.benchmarks.recording import watching
-from readygo.benchmarks.recording.watching import MonitorCost, Viewers, growth_mb_per_h, summary
+from readygo.benchmarks.recording.watching import MonitorCost, Viewers, cpu_s, growth_mb_per_h, summary
 
 
 def moments(private_mb, period_s=60.0):
@@ -23,6 +24,11 @@ def test_summary_tells_shares_and_ten_readings() -> None:
     assert (told["minutes"], told["visits"], told["received_mb"]) == (18.0, 5, 1.8)
     assert told["cpu_share"] == round(9.0 / (18 * 60.0), 3)
     assert told["private_mb"] == [float(k) for k in range(0, 19, 2)]
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
+def test_processor_time_of_a_process_is_read() -> None:
+    assert 0.0 < cpu_s(os.getpid()) < 24 * 3600
 
 
 @pytest.fixture

@@ -13,6 +13,7 @@ from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
 from readygo.common.errors import BusError, PeerError, RunError
 from readygo.common.messages import BlobReply, PendingReply, PendingRequest
 from readygo.common.messages.topics import Live, Stream, Topic
+from tests.waiting import wait_for
 
 Join = Callable[[], Bus]
 QUESTION = Topic("question", PendingRequest, PendingReply)
@@ -60,13 +61,6 @@ def server(join: Join) -> Bus:
 @pytest.fixture
 def client(server: Bus, join: Join) -> Bus:
     return join()
-
-
-def wait_for(condition: Callable[[], object]) -> None:
-    deadline_s = time.monotonic() + 5.0
-    while not condition():
-        assert time.monotonic() < deadline_s, "it did not happen in time"
-        time.sleep(0.005)
 
 
 def news(number: int, data: bytes = b"") -> BlobReply:

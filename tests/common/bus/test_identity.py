@@ -1,8 +1,5 @@
-from pathlib import Path
-
-from readygo.common.bus.identity import Identity, role_of
+from readygo.common.bus.identity import role_of
 
 
 def test_role_is_the_first_part_of_a_common_name() -> None:
     assert (role_of("recorder.rec0"), role_of("renderer")) == ("recorder", "renderer")
-    assert Identity(name="recorder.rec0", certificate=Path(), key=Path(), authority=Path()).role == "recorder"

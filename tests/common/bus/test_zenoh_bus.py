@@ -15,8 +15,9 @@ from readygo.common.bus.zenoh_bus import _ASTRAY, Router, ZenohBus, free_endpoin
 from readygo.common.errors import BusError, ConfigError, ReadygoError
 from readygo.common.messages import PendingReply, PendingRequest, StatusReply, topics
 from readygo.common.messages.codec import encode
-from tests.apps.monitor.watched import status, wait_for
+from tests.apps.monitor.watched import status
 from tests.common.messages.test_codec_fuzz import inputs
+from tests.waiting import wait_for
 
 REQUEST = PendingRequest(recorder="rec0")
 

@@ -11,21 +11,14 @@ import cv2
 import numpy as np
 
 from readygo.common.config import section_to_mapping
-from readygo.common.dataset import AvatarOrigin, Provenance, SceneOrigin, ShardWriter, encode_episode, shard_name
+from readygo.common.dataset import Provenance, SceneOrigin, ShardWriter, encode_episode, shard_name
+from readygo.common.dataset.provenance import AvatarOrigin
 from readygo.common.dataset.schemas import LABEL_CHANNELS
 from readygo.common.dataset.stage import Scenery
 from readygo.common.images.files import encode_output
 from readygo.common.images.images import Images
-from readygo.common.messages import (
-    AppendRequest,
-    EpisodeHeader,
-    EpisodeKey,
-    FurtherCamera,
-    HumanLabels,
-    Sample,
-    Split,
-    sample_crc32,
-)
+from readygo.common.messages import AppendRequest, EpisodeHeader, EpisodeKey, FurtherCamera, Sample, Split, sample_crc32
+from readygo.common.messages.samples import HumanLabels
 from readygo.common.robot import CameraConfig, RobotConfig, limit_command, step_unicycle
 from readygo.common.robot.kinematics import STEP_NS
 

@@ -11,7 +11,7 @@ from mcap.opcode import Opcode
 from readygo.common.dataset import ShardWriter, read_chunk, schemas
 from readygo.common.dataset.chunk import EpisodeChunk
 from readygo.common.dataset.index import index_path, load_index
-from readygo.common.dataset.records import MESSAGE_HEADER, chunk_span, iter_messages, iter_records
+from readygo.common.dataset.records import MESSAGE_HEADER, chunk_spans, iter_messages
 
 
 @dataclasses.dataclass
@@ -27,8 +27,7 @@ Change = Callable[[list[Record]], list[Record]]
 
 def chunks_of(shard: Path) -> list[EpisodeChunk]:
     view = memoryview(shard.read_bytes())
-    spans = [chunk_span(view, record) for record in iter_records(view) if record.opcode == Opcode.CHUNK]
-    return [read_chunk(view[span.body : span.end]) for span in spans]
+    return [read_chunk(view[span.body : span.end]) for span in chunk_spans(view)]
 
 
 def rewrite(shard: Path, change: Change, *, rehash: bool = True) -> None:

@@ -6,7 +6,8 @@ import pytest
 
 from readygo.common.dataset import encode_episode, read_chunk, schemas
 from readygo.common.dataset.canonical import canonical_parts, canonical_sha256, is_canonical
-from readygo.common.dataset.chunk import EpisodeChunk, canonical, messages_of
+from readygo.common.dataset.chunk import EpisodeChunk, canonical
+from readygo.common.dataset.records import Message, iter_messages
 from readygo.common.dataset.stage import Scenery
 from readygo.common.errors import DatasetError
 from readygo.common.messages import DriverKind, Outcome
@@ -19,6 +20,10 @@ def episode(index: int = 3, **changes) -> EpisodeChunk:
     header, samples = make_episode(index, 5, outputs=("depth", "mask"), labels=True, **changes)
     asked = [dataclasses.replace(sample, expert_commands=((0.5, 0.25), (0.5, 0.0))) for sample in samples]
     return encode_episode(header, 2, asked)
+
+
+def messages_of(view: memoryview) -> list[Message]:
+    return list(iter_messages(view, 0, len(view)))
 
 
 @pytest.mark.parametrize("start_ns", STARTS_NS)

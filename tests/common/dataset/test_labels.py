@@ -6,7 +6,7 @@ from google.protobuf.timestamp_pb2 import Timestamp
 
 from readygo.common.dataset.labels import boxes_of, footprints_of, joints_of, messages
 from readygo.common.errors import DatasetError
-from readygo.common.messages import HumanLabels
+from readygo.common.messages.samples import HumanLabels
 from tests.common.dataset.episodes import make_labels
 
 STAMP = Timestamp(seconds=3)

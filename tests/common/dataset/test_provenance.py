@@ -4,8 +4,14 @@ import json
 import pytest
 from mcap.reader import make_reader
 
-from readygo.common.dataset import AvatarOrigin, Provenance, ScenarioOrigin, SceneOrigin
-from readygo.common.dataset.provenance import TeacherOrigin, provenance_from_strings, provenance_to_strings
+from readygo.common.dataset import Provenance, SceneOrigin
+from readygo.common.dataset.provenance import (
+    AvatarOrigin,
+    ScenarioOrigin,
+    TeacherOrigin,
+    provenance_from_strings,
+    provenance_to_strings,
+)
 from readygo.common.errors import ConfigError, DatasetError
 from readygo.common.messages import RunSpec, Split
 from tests.common.dataset.episodes import PROVENANCE, ROBOT

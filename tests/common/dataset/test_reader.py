@@ -131,6 +131,7 @@ def test_any_flipped_bit_of_an_episode_is_noticed_at_its_first_use(place, tmp_pa
     assert dataset.decode(20).shape == (24, 32, 3), "other episodes are as they were"
     with pytest.raises(DatasetError, match=r"shard-r0-00000\.mcap is damaged"):
         dataset.humans_of(0)
+    assert len(dataset.humans_of(1)) == dataset.episodes[1].sample_count
 
 
 def test_shard_that_cannot_be_followed_is_damaged_from_there_on(tmp_path) -> None:

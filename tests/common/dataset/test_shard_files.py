@@ -24,15 +24,15 @@ def test_bytes_are_those_of_the_shard_at_the_offset(files: ShardFiles) -> None:
 def test_more_shards_are_read_than_may_be_open(files: ShardFiles, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("readygo.common.dataset.shard_files.OPEN_MAX", 2)
     assert [files.read(shard, 0, 1)[0] for shard in (0, 1, 2, 3, 0)] == [0, 10, 20, 30, 0]
-    assert files.open_count == 2
+    assert len(files._maps) == 2
 
 
 def test_closed_or_copied_files_are_opened_again(files: ShardFiles) -> None:
     files.read(0, 0, 1)
     copied = pickle.loads(pickle.dumps(files))
-    assert (files.open_count, copied.open_count) == (1, 0)
+    assert (len(files._maps), len(copied._maps)) == (1, 0)
     files.close()
-    assert files.open_count == 0
+    assert not files._maps
     assert files.read(3, 1, 1) == copied.read(3, 1, 1) == bytes([31])
 
 

@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from readygo.common.drawing.files import jpeg_bytes, png_bytes, write_png
+from readygo.common.drawing.files import jpeg_bytes, png_bytes, quantise, write_png
 from readygo.common.errors import ReadygoError
 
 RED_LEFT = np.zeros((16, 32, 3), np.uint8)
@@ -12,6 +12,11 @@ RED_LEFT[:, :16] = (220, 30, 10)
 def read(data):
     """Pixels of an encoded picture, RGB."""
     return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)[:, :, ::-1]
+
+
+def test_colours_are_rounded_and_clipped():
+    planes = np.array([-0.5, 0.5, 2.0], dtype=np.float32).reshape(3, 1, 1)
+    np.testing.assert_array_equal(quantise(planes), [[[0, 128, 255]]])
 
 
 def test_png_holds_the_very_pixels():

@@ -5,8 +5,9 @@ import pytest
 
 from readygo.common.episode import EpisodeConfig, EpisodeSimulation
 from readygo.common.maps import GridFrame, OccupancyMap
-from readygo.common.messages import EpisodeKey, EpisodeMotions, HumanMotion, HumanTrajectory, Motion, Scenario, Split
+from readygo.common.messages import EpisodeKey, EpisodeMotions, HumanMotion, HumanTrajectory, Scenario, Split
 from readygo.common.robot import RobotConfig
+from tests.common.episode.upright import upright_motion
 
 
 @pytest.fixture
@@ -17,12 +18,6 @@ def hall():
     occupied[:, [0, -1]] = True
     occupied[60, 100] = True
     return OccupancyMap(frame=GridFrame(origin_x_m=-1.0, origin_y_m=-2.0, resolution_m=0.05), occupied=occupied)
-
-
-def motion_along(xy_m):
-    """Stand-in for the animator: an upright figure whose root is on the trajectory."""
-    root = np.column_stack([xy_m, np.full(len(xy_m), 0.9)]).astype(np.float32)
-    return Motion(root_m=root, pose_axis_angle=np.zeros((len(xy_m), 24, 3), np.float32))
 
 
 @pytest.fixture
@@ -39,7 +34,7 @@ def simulate(hall):
                 HumanTrajectory(avatar="a", encounter="crossing", speed_mps=1.0, xy_m=track) for track in tracks
             ),
         )
-        motions = EpisodeMotions(humans=tuple(HumanMotion(avatar="a", motion=motion_along(t)) for t in tracks))
+        motions = EpisodeMotions(humans=tuple(HumanMotion(avatar="a", motion=upright_motion(t)) for t in tracks))
         return EpisodeSimulation(scenario, motions, hall, robot or RobotConfig(), EpisodeConfig(**config))
 
     return make

@@ -3,7 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from readygo.common.episode import meets_human, meets_obstacle
+from readygo.common.episode import meets_obstacle
+from readygo.common.episode.collision import meets_human
 from readygo.common.maps import GridFrame, OccupancyMap
 
 

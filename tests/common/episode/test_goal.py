@@ -17,6 +17,8 @@ def test_robot_arrives_as_the_path_comes_around_the_corner():
 
 def test_without_a_path_it_arrives_along_the_straight_line():
     assert arrival_yaw_rad(hall(), 3.0, (1.0, 1.0), (4.0, 4.0)) == pytest.approx(math.radians(45.0))
+    for goal in ((1.0, 400.0), (1.0, -400.0)):
+        assert arrival_yaw_rad(hall(), 0.3, (1.0, 1.0), goal) == math.copysign(math.pi / 2, goal[1])
 
 
 def test_pose_is_at_the_goal():

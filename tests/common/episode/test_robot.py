@@ -1,6 +1,7 @@
 from readygo.common.episode.robot import drawn_of_episode, robot_of_episode
 from readygo.common.messages import EpisodeKey, Split
-from readygo.common.robot import RobotConfig, RobotRanges
+from readygo.common.robot import RobotConfig
+from readygo.common.robot.ranges import RobotRanges
 
 KEYS = [EpisodeKey(seed=3, split=Split.TRAIN, index=index) for index in range(5)]
 

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from readygo.common.episode import time_to_contact_s
+from readygo.common.episode.simulation import time_to_contact_s
 from readygo.common.errors import SceneError
 from readygo.common.messages import Outcome
 from readygo.common.robot import RobotConfig

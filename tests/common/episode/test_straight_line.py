@@ -1,6 +1,6 @@
 import math
 
-from readygo.common.episode import straight_line_command
+from readygo.common.episode.straight_line import straight_line_command
 from readygo.common.messages import Outcome
 from readygo.common.robot import RobotConfig
 

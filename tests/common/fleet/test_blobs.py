@@ -7,8 +7,8 @@ import pytest
 
 from readygo.common.bus import InProcessBus
 from readygo.common.errors import BusError, RunError
-from readygo.common.fleet import blobs, fetch_blob
-from readygo.common.fleet.blobs import fetch_file
+from readygo.common.fleet import blobs
+from readygo.common.fleet.blobs import fetch_blob, fetch_file
 from readygo.common.messages import BlobReply, BlobRequest, FileRef, topics
 
 DATA = bytes(range(100))

@@ -27,6 +27,7 @@ from readygo.common.messages import (
     topics,
 )
 from readygo.common.messages.stages import ANIMATE, HUMAN_PLAN
+from tests.clock import Clock
 
 EPISODE = EpisodeKey(seed=0, split=Split.TRAIN, index=0)
 PLAN = Blob(sha256="0" * 64, data=b"plan")
@@ -35,16 +36,6 @@ LEASE = ClaimReply(status=ClaimStatus.LEASE, episode=EPISODE, attempt=1, ttl_s=1
 
 def _worker(work: Work, *more: tuple[Stage, Work]) -> Worker:
     return Worker(name="w", numeric_class="this", works={ANIMATE: work, **dict(more)})
-
-
-class Clock:
-    """Stands in for `time.monotonic`."""
-
-    def __init__(self) -> None:
-        self.now_s = 0.0
-
-    def __call__(self) -> float:
-        return self.now_s
 
 
 @pytest.fixture

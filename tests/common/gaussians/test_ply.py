@@ -4,19 +4,8 @@ import pytest
 from readygo.common.errors import SceneError
 from readygo.common.gaussians import GaussianCloud, load_gaussians, save_ply
 from readygo.common.gaussians.files import read_source
+from tests.common.gaussians.clouds import cloud_of
 from tests.common.gaussians.ply_files import FIELDS, good_row, write_ply
-
-
-def cloud_of(count=50, coefficients=16, seed=0):
-    rng = np.random.default_rng(seed)
-    q = rng.normal(size=(count, 4))
-    return GaussianCloud(
-        means_m=rng.normal(size=(count, 3)).astype(np.float32),
-        quats_wxyz=(q / np.linalg.norm(q, axis=1, keepdims=True)).astype(np.float32),
-        scales_m=np.exp(rng.normal(-4, 1, (count, 3))).astype(np.float32),
-        opacities=rng.random(count).astype(np.float32),
-        sh=rng.normal(size=(count, coefficients, 3)).astype(np.float32),
-    )
 
 
 @pytest.mark.parametrize("coefficients", [1, 4, 9, 16])

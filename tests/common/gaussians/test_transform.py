@@ -5,22 +5,12 @@ from hypothesis import strategies as st
 
 from readygo.common.errors import SceneError
 from readygo.common.frames import matrix_from_axis_angle, matrix_from_quat
-from readygo.common.gaussians import GaussianCloud, R_from_up, concatenate, rotate_sh, sh_basis, transform_cloud
+from readygo.common.gaussians import R_from_up, concatenate, sh_basis, transform_cloud
+from readygo.common.gaussians.spherical_harmonics import rotate_sh
 from readygo.common.gaussians.transform import R_UP
+from tests.common.gaussians.clouds import cloud_of
 
 ANGLES = st.tuples(*[st.floats(-3.2, 3.2)] * 3).map(np.array)
-
-
-def cloud_of(count=20, coefficients=16, seed=0):
-    rng = np.random.default_rng(seed)
-    q = rng.normal(size=(count, 4))
-    return GaussianCloud(
-        means_m=rng.normal(size=(count, 3)).astype(np.float32),
-        quats_wxyz=(q / np.linalg.norm(q, axis=1, keepdims=True)).astype(np.float32),
-        scales_m=np.exp(rng.normal(-4, 1, (count, 3))).astype(np.float32),
-        opacities=rng.random(count).astype(np.float32),
-        sh=rng.normal(size=(count, coefficients, 3)).astype(np.float32),
-    )
 
 
 def covariances(cloud):

@@ -52,3 +52,13 @@ def test_compiled_interpolation_is_that_of_the_floor_map():
     floor = FloorMap(frame=FRAME, height_m=rng.uniform(-0.2, 0.2, (5, 6)).astype(np.float32))
     for x, y in rng.uniform((-3, 0), (4, 7), (50, 2)):
         assert bilinear(floor.height_m, -1.0, 2.0, 0.5, x, y) == pytest.approx(floor.at(x, y), abs=1e-12)
+
+
+def test_cells_and_centres_of_many_are_those_of_each():
+    frame, rng = GridFrame(origin_x_m=-1.3, origin_y_m=0.7, resolution_m=0.05), np.random.default_rng(0)
+    xy_m = rng.uniform(-3.0, 3.0, (200, 2))
+    rows, columns = frame.cells(xy_m)
+    assert list(zip(rows.tolist(), columns.tolist(), strict=True)) == [frame.cell(x, y) for x, y in xy_m.tolist()]
+    x_m, y_m = frame.centre_m(rows, columns)
+    each = [frame.centre_m(*cell) for cell in zip(rows.tolist(), columns.tolist(), strict=True)]
+    assert list(zip(x_m.tolist(), y_m.tolist(), strict=True)) == each

@@ -136,7 +136,7 @@ def test_handrail_over_invisible_glass_blocks_the_robot():
 def test_maps_do_not_depend_on_the_number_of_row_bands(monkeypatch):
     cloud = concatenate([room(), box((2, 2, 0), (3, 3, 1.2))])
     whole = plan_scene(cloud, CONFIG)
-    monkeypatch.setattr("readygo.common.maps.occupancy.VOXELS_PER_BAND", 30_000)
+    monkeypatch.setattr("readygo.common.maps.voxels.VOXELS_PER_BAND", 30_000)
     banded = plan_scene(cloud, CONFIG)
     np.testing.assert_array_equal(whole.robot.occupied, banded.robot.occupied)
     np.testing.assert_array_equal(whole.human.occupied, banded.human.occupied)

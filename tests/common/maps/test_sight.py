@@ -128,7 +128,7 @@ def test_maps_sight_does_not_depend_on_the_bands_that_it_is_computed_in(monkeypa
     plan = plan_scene(cloud, MapConfig())
     shape = plan.robot.occupied.shape
     whole = sight_of_cloud(cloud, plan.floor, plan.robot.frame, shape, MapConfig())
-    monkeypatch.setattr("readygo.common.maps.sight.VOXELS_PER_BAND", 1)
+    monkeypatch.setattr("readygo.common.maps.voxels.VOXELS_PER_BAND", 1)
     rows = sight_of_cloud(cloud, plan.floor, plan.robot.frame, shape, MapConfig())
     np.testing.assert_array_equal(rows.opaque, whole.opaque)
     heights_m = BOTTOM_M + whole.layer_m * (np.arange(30) + 0.5)

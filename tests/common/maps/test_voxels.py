@@ -5,7 +5,8 @@ import pytest
 
 from readygo.common.frames import matrix_from_quat
 from readygo.common.gaussians import GaussianCloud
-from readygo.common.maps import GridFrame, opacity_sums
+from readygo.common.maps import GridFrame, opacity_sums, voxels
+from readygo.common.maps.voxels import OPACITY_MIN, occupied_bands
 
 H_M = 0.1
 SHAPE = (9, 10, 11)
@@ -91,3 +92,16 @@ def test_smaller_grid_gets_the_sums_of_its_part_of_a_larger_one():
     part = opacity_sums(cloud, inner, BOTTOM_M + 4 * H_M, (3, 5, 4))
     assert part.any()
     np.testing.assert_array_equal(part > 0, whole[4:7, 2:7, 3:7] > 0)
+
+
+def test_bands_hold_the_occupied_voxels_of_the_whole_without_haze(monkeypatch):
+    cloud = random_cloud(np.random.default_rng(8), 400)
+    sums = opacity_sums(cloud.select(cloud.opacities >= OPACITY_MIN), FRAME, BOTTOM_M, SHAPE)
+    ((rows, whole),) = occupied_bands(cloud, FRAME, BOTTOM_M, SHAPE, 0.5)
+    assert rows == slice(0, SHAPE[1])
+    np.testing.assert_array_equal(whole, sums > 0.5)
+    monkeypatch.setattr(voxels, "VOXELS_PER_BAND", 4 * SHAPE[0] * SHAPE[2])
+    bands = list(occupied_bands(cloud, FRAME, BOTTOM_M, SHAPE, 0.5))
+    assert [rows.stop - rows.start for rows, _ in bands] == [4, 4, 2]
+    for rows, occupied in bands:
+        assert (occupied != whole[:, rows]).mean() < 0.01, "rounding at faces of voxels apart"

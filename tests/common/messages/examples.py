@@ -10,7 +10,6 @@ from readygo.common.messages import (
     EpisodeHeader,
     EpisodeKey,
     FurtherCamera,
-    HumanLabels,
     HumanTrajectory,
     Motion,
     Outcome,
@@ -21,6 +20,7 @@ from readygo.common.messages import (
     Split,
 )
 from readygo.common.messages.live import LivePerception, LivePerson
+from readygo.common.messages.samples import HumanLabels
 
 KEY = EpisodeKey(seed=7, split=Split.VAL, index=3)
 SHA256 = "0123456789abcdef" * 4

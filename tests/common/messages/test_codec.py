@@ -22,7 +22,6 @@ from readygo.common.messages import (
     ClaimReply,
     ClaimRequest,
     EpisodeMotions,
-    HumanLabels,
     HumanMotion,
     Motion,
     RenewRequest,
@@ -33,6 +32,7 @@ from readygo.common.messages import (
     encode,
 )
 from readygo.common.messages.codec import ITEMS_MAX, MESSAGE_BYTES_MAX
+from readygo.common.messages.samples import HumanLabels
 from tests.common.messages.examples import MESSAGES, header, message, sample
 
 

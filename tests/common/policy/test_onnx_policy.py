@@ -11,7 +11,8 @@ from readygo.common.errors import PolicyError
 from readygo.common.images.names import RGB
 from readygo.common.policy import PolicySpec, load_policy, load_spec, save_spec
 from readygo.common.policy.graph import GRAPH_FILE, Given, GraphSpec
-from readygo.common.robot import CameraConfig, RobotConfig, RobotRanges
+from readygo.common.robot import CameraConfig, RobotConfig
+from readygo.common.robot.ranges import RobotRanges
 from readygo.common.robot.standing import WAIT_S
 from tests.common.policy.artifacts import ROBOT, write_goal_policy, write_graph, write_policy
 

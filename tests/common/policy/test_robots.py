@@ -5,7 +5,8 @@ import pytest
 from readygo.common.errors import PolicyError
 from readygo.common.policy import PolicySpec, check_policy_camera, check_policy_limits
 from readygo.common.policy.robots import RANGED, known_as
-from readygo.common.robot import CameraConfig, RobotConfig, RobotRanges
+from readygo.common.robot import CameraConfig, RobotConfig
+from readygo.common.robot.ranges import RobotRanges
 
 TRAINED = RobotConfig(ranges=RobotRanges(mount_height_m=(0.2, 0.8), radius_m=(0.2, 0.3), v_max_mps=(0.5, 1.2)))
 SPEC = PolicySpec(robot=TRAINED)

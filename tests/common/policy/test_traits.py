@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from readygo.common.policy.traits import LIMITS_AT, TRAITS, trait_units, traits_of
-from readygo.common.robot import CameraConfig, RobotConfig, RobotRanges
+from readygo.common.robot import CameraConfig, RobotConfig
+from readygo.common.robot.ranges import RobotRanges
 
 
 def test_traits_are_in_si_units_in_the_order_of_their_names() -> None:

@@ -10,6 +10,7 @@ from readygo.common.arrays import Float32Array, Float64Array, FloatingArray, UIn
 from readygo.common.avatars import Avatar, pose_avatar
 from readygo.common.gaussians import GaussianCloud, concatenate
 from readygo.common.images.images import Images
+from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.interface import PosedHuman, Rasterizer, View
 
 T = TypeVar("T")
@@ -37,7 +38,11 @@ def rgb_of(rasterizer: Rasterizer, T_world_camera: Float64Array, humans: Sequenc
 
 def float_rgb_of(rasterizer: Any, T_world_camera: Float64Array, humans: Sequence[PosedHuman] = ()) -> Float32Array:
     """The colours of one view before rounding."""
-    image: Float32Array = rasterizer.render_float(View(T_world_camera=T_world_camera, humans=humans))
+    view = View(T_world_camera=T_world_camera, humans=humans)
+    if isinstance(rasterizer, CpuRasterizer):
+        return rasterizer.render_float(view)
+    (drawn,) = rasterizer._draw([view])
+    image: Float32Array = drawn.rgb[0].cpu().numpy()
     return image
 
 

@@ -6,7 +6,10 @@ import pytest
 
 from readygo.common.gaussians import GaussianCloud, concatenate
 from readygo.common.gaussians.spherical_harmonics import SH_C0
-from readygo.common.rasterizer.reference import rasterize_reference
+from readygo.common.images.images import OUTPUTS
+from readygo.common.rasterizer.reference import ReferenceRasterizer, rasterize_reference
+from readygo.common.robot import CameraConfig
+from tests.common.rasterizer.drawing import images_of
 
 K = np.array([[20.0, 0.0, 10.5], [0.0, 20.0, 8.5], [0.0, 0.0, 1.0]])
 
@@ -102,3 +105,13 @@ def test_normal_is_the_shortest_axis_towards_the_camera() -> None:
         normal = rasterize_reference(disc, np.eye(4), K, 17, 21).normal
         assert normal[8, 10] == pytest.approx([0.0, math.sqrt(0.75), -0.5], abs=1e-6)
         assert np.abs(normal[0, 0]).max() == 0
+
+
+def test_no_cloud_at_all_is_drawn_as_an_empty_one(make_cloud) -> None:
+    camera = CameraConfig(height_px=24, width_px=40)
+    images, empty = (
+        images_of(ReferenceRasterizer(clouds, {}, camera), np.eye(4), (), OUTPUTS) for clouds in ([], [make_cloud(0)])
+    )
+    for name, array in images.arrays().items():
+        assert np.array_equal(array, empty.arrays()[name]), name
+    assert not images.rgb.any()

@@ -11,7 +11,7 @@ from readygo.common.rasterizer.lod.files import load_or_build_avatar_tree
 from readygo.common.rasterizer.lod.tree import ChunkTree
 from readygo.common.rasterizer.packed.scene import load_packed, pack_cloud, save_packed
 from readygo.common.rasterizer.warm import warm
-from tests.common.rasterizer.drawing import float_rgb_of, images_of, numbered, rgb_of
+from tests.common.rasterizer.drawing import images_of, numbered, rgb_of
 
 
 def signatures() -> dict[str, int]:
@@ -39,7 +39,6 @@ def test_nothing_is_left_to_compile_after_warming(
     humans = [PosedHuman(avatar="0", root_m=np.zeros(3, dtype=np.float32), pose_axis_angle=pose)]
     rasterizer = CpuRasterizer([mapped, pack_cloud(make_cloud(90), normals=True)], numbered([avatar]), K, 144, 256)
     rgb_of(rasterizer, T, humans)
-    float_rgb_of(rasterizer, T, humans)
     images_of(rasterizer, T, humans, outputs)
     count = mapped.chunk_count
     tree = ChunkTree(scene=mapped, skip=np.arange(1, count + 1), pixel_m=np.zeros(count))

@@ -3,7 +3,8 @@ from pathlib import Path
 import pytest
 
 from readygo.common.errors import ConfigError
-from readygo.common.robot import CameraConfig, RobotConfig, RobotRanges, load_robot
+from readygo.common.robot import CameraConfig, RobotConfig, load_robot
+from readygo.common.robot.ranges import RobotRanges
 
 RANGES = RobotRanges(radius_m=(0.1, 0.2), v_max_mps=(0.4, 0.8), mount_height_m=(0.2, 0.9))
 

@@ -6,7 +6,8 @@ import torch
 from experiments.policy.robots import compare
 from readygo.common.errors import RunError
 from readygo.common.policy import PolicySpec
-from readygo.common.robot import CameraConfig, RobotConfig, RobotRanges
+from readygo.common.robot import CameraConfig, RobotConfig
+from readygo.common.robot.ranges import RobotRanges
 from readygo.services.trainer.config import NetworkConfig
 from readygo.services.trainer.export import export_policy
 from readygo.services.trainer.model import PolicyNet

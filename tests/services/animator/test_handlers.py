@@ -4,6 +4,7 @@ import re
 import numpy as np
 import pytest
 
+from readygo.benchmarks.motion.paths import circle, floor, line
 from readygo.common.errors import AvatarError, MotionError
 from readygo.common.maps.grid import GridFrame, OccupancyMap
 from readygo.common.messages import (
@@ -16,7 +17,6 @@ from readygo.common.messages import (
 from readygo.services.animator import Animator, AnimatorConfig, handle_animate
 from readygo.services.animator.handlers import check_free
 from tests.services.animator.bodies import make_avatar
-from tests.services.animator.paths import circle, floor, line
 
 
 def human(avatar, xy):

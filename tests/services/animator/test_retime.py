@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
+from readygo.benchmarks.motion.paths import s_curve
 from readygo.common.maps import FloorMap, GridFrame
 from readygo.common.messages import Motion
 from readygo.services.animator.retime import BODY_TURN_RADPS, RetimedWalk
-from tests.services.animator.paths import s_curve
 
 FLOOR = FloorMap(
     frame=GridFrame(origin_x_m=-5.0, origin_y_m=-5.0, resolution_m=0.5), height_m=np.zeros((40, 60), np.float32)

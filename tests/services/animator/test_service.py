@@ -1,5 +1,6 @@
 import numpy as np
 
+from readygo.benchmarks.motion.paths import floor, line
 from readygo.common.bus import InProcessBus
 from readygo.common.messages import (
     AnimateRequest,
@@ -13,7 +14,6 @@ from readygo.common.messages import (
 )
 from readygo.services.animator import Animator, AnimatorConfig, attach, handle_animate
 from tests.services.animator.bodies import make_avatar
-from tests.services.animator.paths import floor, line
 
 
 def test_decoded_requests_give_the_same_motion_over_the_bus() -> None:

@@ -6,7 +6,8 @@ import pytest
 
 from readygo.common.messages import FileRef, PolicyRef, Stage, VerdictStatus
 from readygo.common.messages.stages import ANIMATE, HUMAN_PLAN, RENDER, ROBOT_PLAN
-from readygo.services.coordinator import Holder, Ledger, Written
+from readygo.services.coordinator import Ledger, Written
+from readygo.services.coordinator.protocol import Holder
 
 BEFORE_RENDER = (HUMAN_PLAN, ANIMATE, ROBOT_PLAN)
 

@@ -1,15 +1,9 @@
 from readygo.services.coordinator.roster import Roster
-
-
-class Clock:
-    now_s = 100.0
-
-    def __call__(self) -> float:
-        return self.now_s
+from tests.clock import Clock
 
 
 def test_worker_that_is_silent_and_what_it_holds() -> None:
-    clock = Clock()
+    clock = Clock(100.0)
     roster = Roster(clock)
     roster.note_presence("renderer", "r0", alive=True)
     roster.note_heard("renderer", "r0")
@@ -20,7 +14,7 @@ def test_worker_that_is_silent_and_what_it_holds() -> None:
 
 
 def test_holder_that_is_gone_has_no_role() -> None:
-    roster = Roster(Clock())
+    roster = Roster(Clock(100.0))
     roster.note_presence("renderer", "r0", alive=True)
     roster.note_presence("renderer", "r0", alive=False)
     (worker,) = roster.workers([("renderer", "r0", "render", 4, 2)])
@@ -28,7 +22,7 @@ def test_holder_that_is_gone_has_no_role() -> None:
 
 
 def test_rates_are_those_of_the_last_minute() -> None:
-    clock = Clock()
+    clock = Clock(100.0)
     roster = Roster(clock)
     for _ in range(3):
         roster.note_done("render", 1, 1, failed=False)
@@ -40,7 +34,7 @@ def test_rates_are_those_of_the_last_minute() -> None:
 
 
 def test_names_of_nobody_are_not_kept() -> None:
-    roster = Roster(Clock())
+    roster = Roster(Clock(100.0))
     for number in range(5):
         roster.note_heard("renderer", f"forged{number}")
     assert roster.workers([]) == ()
@@ -48,7 +42,7 @@ def test_names_of_nobody_are_not_kept() -> None:
 
 
 def test_workers_of_one_name_in_two_roles_are_two() -> None:
-    clock = Clock()
+    clock = Clock(100.0)
     roster = Roster(clock)
     for index, role in enumerate(("animator", "renderer")):
         roster.note_presence(role, "desk-1", "s", alive=True)
@@ -66,7 +60,7 @@ def test_workers_of_one_name_in_two_roles_are_two() -> None:
 
 
 def test_worker_is_there_while_any_of_its_lives_is() -> None:
-    roster = Roster(Clock())
+    roster = Roster(Clock(100.0))
     assert roster.note_presence("recorder", "rec0", "first", alive=True)
     assert roster.note_presence("recorder", "rec0", "second", alive=True)
     assert roster.note_presence("recorder", "rec0", "first", alive=False)

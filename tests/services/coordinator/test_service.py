@@ -1,6 +1,5 @@
 import queue
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 from readygo.common.bus import InProcessBus
@@ -8,6 +7,7 @@ from readygo.common.messages import Command, ControlRequest, StatusReply, Troubl
 from readygo.common.messages.stages import HUMAN_PLAN, RENDER
 from readygo.services.coordinator import tick
 from tests.services.coordinator.line import Line
+from tests.waiting import wait_for
 
 
 def test_worker_that_leaves_the_bus_frees_its_leases(line: Line) -> None:
@@ -57,10 +57,10 @@ def test_recorder_that_is_gone_is_told_until_it_comes_back(line: Line) -> None:
     recorder = InProcessBus(line.bus)
     recorder.announce("recorder", "rec0")
     recorder.close()
-    _wait_until(lambda: "Recorder rec0 is gone and holds 1 episodes" in line.status().trouble)
+    wait_for(lambda: "Recorder rec0 is gone and holds 1 episodes" in line.status().trouble)
     again = InProcessBus(line.bus)
     again.announce("recorder", "rec0")
-    _wait_until(lambda: line.status().trouble == "")
+    wait_for(lambda: line.status().trouble == "")
     again.close()
 
 
@@ -68,16 +68,16 @@ def test_trouble_of_a_recorder_ends_with_its_process(line: Line) -> None:
     for left_in_peace in (True, False):
         recorder, again = InProcessBus(line.bus), InProcessBus(line.bus)
         recorder.announce("recorder", "rec0")
-        _wait_until(lambda: line.coordinator.roster.size == 1)
+        wait_for(lambda: line.coordinator.roster.size == 1)
         line.bus.request(topics.TROUBLE, TroubleRequest(recorder="rec0", reason="No space left."))
         assert line.status().trouble == "No space left."
         if left_in_peace:
             recorder.close()
         again.announce("recorder", "rec0")
-        _wait_until(lambda: line.status().trouble == "")
+        wait_for(lambda: line.status().trouble == "")
         for bus in (recorder, again):
             bus.close()
-        _wait_until(lambda: line.coordinator.roster.size == 0)
+        wait_for(lambda: line.coordinator.roster.size == 0)
 
 
 def test_trouble_of_a_recorder_outlives_the_end_of_another_one(tmp_path: Path) -> None:
@@ -86,7 +86,7 @@ def test_trouble_of_a_recorder_outlives_the_end_of_another_one(tmp_path: Path) -
     recorder.announce("recorder", "east")
     line.bus.request(topics.TROUBLE, TroubleRequest(recorder="rec0", reason="No space left."))
     recorder.close()
-    _wait_until(lambda: "Recorder east is gone" in line.status().trouble)
+    wait_for(lambda: "Recorder east is gone" in line.status().trouble)
     assert "No space left." in line.status().trouble
 
 
@@ -96,16 +96,9 @@ def test_name_of_another_role_ends_no_lease_and_is_no_recorder(line: Line) -> No
         other = InProcessBus(line.bus)
         other.announce(role, name)
         other.close()
-    _wait_until(lambda: line.coordinator.roster.size == 0)
+    wait_for(lambda: line.coordinator.roster.size == 0)
     assert line.status().trouble == ""
     assert line.complete(HUMAN_PLAN, claim, worker="desk-1", result=b"x") is VerdictStatus.OK
-
-
-def _wait_until(true: Callable[[], bool]) -> None:
-    deadline_s = time.monotonic() + 20.0
-    while not true():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.01)
 
 
 def test_stage_that_nobody_does_is_told_until_somebody_comes(line: Line) -> None:
@@ -120,4 +113,4 @@ def test_stage_that_nobody_does_is_told_until_somebody_comes(line: Line) -> None
         tick(line.bus, line.coordinator)
         return line.status().trouble == ""
 
-    _wait_until(nobody_misses_anybody)
+    wait_for(nobody_misses_anybody)

@@ -8,7 +8,8 @@ from readygo.common.messages import (
     VerdictStatus,
 )
 from readygo.common.messages.stages import ANIMATE, HUMAN_PLAN, RENDER, ROBOT_PLAN
-from readygo.services.coordinator import Holder, requeue_lost
+from readygo.services.coordinator.protocol import Holder
+from readygo.services.coordinator.upkeep import requeue_lost
 from tests.services.coordinator.line import Line
 
 

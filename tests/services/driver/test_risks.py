@@ -8,11 +8,12 @@ import pytest
 
 from readygo.common.episode import EpisodeConfig, EpisodeSimulation
 from readygo.common.maps import GridFrame, OccupancyMap
-from readygo.common.messages import EpisodeKey, EpisodeMotions, HumanMotion, HumanTrajectory, Motion, Scenario, Split
+from readygo.common.messages import EpisodeKey, EpisodeMotions, HumanMotion, HumanTrajectory, Scenario, Split
 from readygo.common.robot import RobotConfig, limit_command, step_unicycle
 from readygo.common.robot.command_grid import HUMAN, OBSTACLE, command_grid, mirror_indices
 from readygo.services.driver import RiskMap
 from readygo.services.driver.risks import HOLD_S, HORIZON_S, HUMAN_MARGIN_M, OBSTACLE_MARGIN_M
+from tests.common.episode.upright import upright_motion
 
 FULL_AHEAD = int(np.flatnonzero((command_grid() == (1.0, 0.0)).all(axis=1))[0])
 STOP = int(np.flatnonzero((command_grid() == (0.0, 0.0)).all(axis=1))[0])
@@ -42,13 +43,8 @@ def _simulation(
         goal_xy_m=np.array([8.0, 3.0]),
         humans=tuple(HumanTrajectory(avatar="a", encounter="crossing", speed_mps=1.0, xy_m=xy) for xy in walks),
     )
-    motions = EpisodeMotions(humans=tuple(HumanMotion(avatar="a", motion=_motion(xy)) for xy in walks))
+    motions = EpisodeMotions(humans=tuple(HumanMotion(avatar="a", motion=upright_motion(xy)) for xy in walks))
     return EpisodeSimulation(scenario, motions, robot_map, robot, EpisodeConfig(human_radius_m=0.3))
-
-
-def _motion(xy_m: np.ndarray) -> Motion:
-    root_m = np.column_stack([xy_m, np.full(len(xy_m), 0.9)]).astype(np.float32)
-    return Motion(root_m=root_m, pose_axis_angle=np.zeros((len(xy_m), 24, 3), np.float32))
 
 
 def test_open_floor_has_no_risk():

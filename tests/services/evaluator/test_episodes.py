@@ -1,6 +1,7 @@
 import pytest
 
 from readygo.common.errors import SceneError
+from readygo.common.messages import EpisodeKey, Split
 from readygo.services.evaluator import (
     EvaluateRequest,
     Task,
@@ -24,3 +25,9 @@ def test_scene_that_yields_no_episode_is_named(make_evaluator, services, monkeyp
     with pytest.raises(SceneError, match="no way to the goal"):
         handle_evaluate(make_evaluator(), EvaluateRequest(episodes=1))
     assert len(services.requests) == 20
+
+
+def test_next_accepted_scenario_takes_no_key_after_its_own(make_evaluator):
+    keys = iter([EpisodeKey(seed=0, split=Split.TEST, index=index) for index in (1, 3, 4, 5)])
+    episode, rejected = make_evaluator().source().next_accepted(keys)
+    assert (episode.scenario.episode.index, rejected, next(keys).index) == (4, 2, 5)

@@ -12,8 +12,9 @@ from readygo.common.messages import (
     encode,
     topics,
 )
-from readygo.services.planner import ExpertConfig, FamilyMix, HumanPlannerConfig
+from readygo.services.planner import ExpertConfig, HumanPlannerConfig
 from readygo.services.planner.explain.picture import draw_episode
+from readygo.services.planner.humans.config import FamilyMix
 from readygo.services.planner.service import attach
 from tests.services.planner.worlds import animate, key
 

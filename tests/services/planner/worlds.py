@@ -8,9 +8,11 @@ from readygo.common.avatars import SMPL_PARENTS, Avatar
 from readygo.common.episode import EpisodeConfig
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.maps import FloorMap, GridFrame, OccupancyMap, sight_of_occupancy
-from readygo.common.messages import EpisodeKey, EpisodeMotions, HumanMotion, Motion, Split
+from readygo.common.messages import EpisodeKey, EpisodeMotions, HumanMotion, Split
 from readygo.common.robot import RobotConfig
-from readygo.services.planner import ExpertConfig, FamilyMix, HumanPlanner, HumanPlannerConfig, RobotPlanner
+from readygo.services.planner import ExpertConfig, HumanPlanner, HumanPlannerConfig, RobotPlanner
+from readygo.services.planner.humans.config import FamilyMix
+from tests.common.episode.upright import upright_motion
 
 FRAME = GridFrame(origin_x_m=-3.0, origin_y_m=2.0, resolution_m=0.05)
 DOORS = ((0.1, 6.98), (6.1, 6.98), (2.98, 4.6), (2.98, 9.6))
@@ -73,11 +75,7 @@ def make_avatar(name):
 
 def animate(scenario):
     """Stand-in for the animator: roots on the trajectories, no limbs."""
-    humans = []
-    for human in scenario.humans:
-        root = np.column_stack([human.xy_m, np.full(len(human.xy_m), 0.9)]).astype(np.float32)
-        motion = Motion(root_m=root, pose_axis_angle=np.zeros((len(root), 24, 3), np.float32))
-        humans.append(HumanMotion(avatar=human.avatar, motion=motion))
+    humans = (HumanMotion(avatar=human.avatar, motion=upright_motion(human.xy_m)) for human in scenario.humans)
     return EpisodeMotions(humans=tuple(humans))
 
 

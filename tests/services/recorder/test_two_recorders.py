@@ -22,7 +22,7 @@ from readygo.common.messages import (
     topics,
 )
 from readygo.common.messages.stages import HUMAN_PLAN, Stage
-from readygo.services.coordinator import requeue_lost
+from readygo.services.coordinator.upkeep import requeue_lost
 from readygo.services.recorder import Recorder, RecorderConfig, handle_append
 from tests.common.dataset.episodes import PROVENANCE, append_requests
 from tests.services.coordinator.line import Line

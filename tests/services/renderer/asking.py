@@ -1,7 +1,8 @@
 """Requests to a renderer."""
 
 from readygo.common.messages import Humans, RenderReply, RenderRequest, RenderView
-from readygo.services.renderer import Renderer, handle_render
+from readygo.services.renderer import Renderer
+from readygo.services.renderer.handlers import handle_render
 
 
 def view(renderer: Renderer, people: str = "", step: int = 0, yaw: float = 0.0) -> RenderView:

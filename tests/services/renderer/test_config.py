@@ -5,7 +5,10 @@ import pytest
 from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.camera.lens import check_sensor
 from readygo.common.config import section_to_mapping
+from readygo.common.errors import ConfigError
 from readygo.common.rasterizer.backend_names import GPU_BACKENDS
+from readygo.common.robot import RobotConfig
+from readygo.common.robot.ranges import RobotRanges
 from readygo.services.renderer import SENSOR_RECIPES, RendererConfig
 from readygo.services.renderer.config import sensor_off, sensor_phone_like
 
@@ -35,6 +38,8 @@ def test_outputs_without_rgb_or_with_unknown_names_are_refused(outputs) -> None:
         {"sub_frames": 65},
         {"depth": "nearest"},
         {"backend": "gsplat", "outputs": ("rgb", "depth")},
+        {"backend": "gsplat", "depth": "mean", "outputs": ("rgb", "mask")},
+        {"backend": "gsplat", "outputs": ("rgb", "median_depth")},
     ],
 )
 def test_wrong_settings_are_refused(wrong) -> None:
@@ -133,3 +138,16 @@ def test_recipe_keeps_intrinsics_that_are_given(intrinsics) -> None:
     camera, config = sensor_phone_like(CameraConfig(**intrinsics), RendererConfig())
     check_sensor(config.sensor, camera)
     assert camera.K_px[0].tolist() == [110.0, 0.0, 120.0]
+
+
+def test_field_of_view_that_varies_is_refused_where_the_backend_draws_one() -> None:
+    camera = CameraConfig(horizontal_fov_deg=90.0)
+    wide = RobotConfig(camera=camera, ranges=RobotRanges(horizontal_fov_deg=(80.0, 100.0)))
+    tall = RobotConfig(camera=camera, ranges=RobotRanges(mount_height_m=(0.3, 0.6)))
+    for backend in GPU_BACKENDS:
+        RendererConfig(backend=backend).check_robot(tall)
+        with pytest.raises(ConfigError, match=f"the backend {backend} draws one field of view") as raised:
+            RendererConfig(backend=backend).check_robot(wide)
+        assert "\n" not in str(raised.value)
+    for backend in ("cpu", "reference"):
+        RendererConfig(backend=backend).check_robot(wide)

@@ -12,7 +12,8 @@ from readygo.common.robot import RobotConfig
 from readygo.common.scenes import Scene, load_scene
 from readygo.services.animator.gait.human import skeleton_of
 from readygo.services.animator.gait.walk import walk
-from readygo.services.renderer import Renderer, RendererConfig, handle_render
+from readygo.services.renderer import Renderer, RendererConfig
+from readygo.services.renderer.handlers import handle_render
 
 Golden = Callable[[str, UInt8Array], None]
 VIEWS = {"living_room": (1.17, 1.27, -3.1), "study": (1.17, -4.03, 1.21)}

@@ -10,14 +10,8 @@ from readygo.common.episode.loop import EpisodeRun
 from readygo.common.errors import AvatarError
 from readygo.common.maps import GridFrame, OccupancyMap
 from readygo.common.messages import EpisodeMotions, HumanMotion, Humans, RenderRequest, RenderView
-from readygo.services.renderer import (
-    SENSOR_RECIPES,
-    LiveCamera,
-    Renderer,
-    RendererConfig,
-    episode_samples,
-    handle_render,
-)
+from readygo.services.renderer import SENSOR_RECIPES, LiveCamera, Renderer, RendererConfig, episode_samples
+from readygo.services.renderer.handlers import handle_render
 from tests.services.renderer.wearers import ROBOT
 
 

@@ -7,7 +7,8 @@ from readygo.common.episode import EpisodeConfig
 from readygo.common.images.clarity import sharpness
 from readygo.common.messages import EpisodeKey, RenderRequest, RenderView, Split
 from readygo.common.robot.ranges import RobotRanges
-from readygo.services.renderer import Renderer, handle_render, look_around, unclear
+from readygo.services.renderer import Renderer, look_around, unclear
+from readygo.services.renderer.handlers import handle_render
 from readygo.services.renderer.looks import BARE, BLURRED
 
 EPISODE = EpisodeKey(seed=1, split=Split.TRAIN, index=3)

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from readygo.common.avatars import Avatar
-from readygo.common.errors import AvatarError, RunError
+from readygo.common.errors import AvatarError, ConfigError, RunError
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.messages import EpisodeKey, HumanMotion, Humans, Split
 from readygo.common.rasterizer.backends import packed_cloud
 from readygo.common.robot import RobotConfig
+from readygo.common.robot.ranges import RobotRanges
 from readygo.common.scenes import Scene
 from readygo.services.renderer import Renderer, RendererConfig, Shot, pack_folder, static_clouds
 from readygo.services.renderer import renderer as renderer_module
@@ -50,7 +51,7 @@ def test_reference_backend_draws_the_same(renderer: Renderer, human: HumanMotion
 
 def test_sky_is_drawn_and_both_packs_are_cached(scene, renderer: Renderer) -> None:
     packs = [packed_cloud(cloud, pack_folder(scene)) for cloud in static_clouds(scene)]
-    names = sorted(path.name for path in (scene.path / "cache").iterdir())
+    names = sorted(path.name for path in (scene.path / "cache").iterdir() if path.is_dir())
     assert names == ["packed-c0ffeec0ffeec0ff-scene", "packed-c0ffeec0ffeec0ff-sky"]
     (scene.path / "scene.ply").unlink()
     again = [packed_cloud(cloud, pack_folder(scene)) for cloud in static_clouds(scene)]
@@ -142,3 +143,11 @@ def test_unknown_camera_is_refused_by_name(renderer: Renderer) -> None:
     shot = Shot(step=0, pose_at=lambda *_: POSE)
     with pytest.raises(RunError, match="no camera 'left'; it has front"):
         next(renderer.render([shot], ("rgb", "left.rgb")))
+
+
+def test_robot_whose_cameras_the_backend_cannot_draw_is_refused_before_anything_is_loaded(scene: Scene) -> None:
+    robot = RobotConfig(
+        camera=replace(CAMERA, horizontal_fov_deg=90.0), ranges=RobotRanges(horizontal_fov_deg=(80.0, 100.0))
+    )
+    with pytest.raises(ConfigError, match=r"ranges\.horizontal_fov_deg: the backend triton draws one field of view"):
+        Renderer(scene, {}, robot, RendererConfig(backend="triton", human_light=False))

@@ -26,16 +26,10 @@ from readygo.common.messages import (
 )
 from readygo.common.robot import RobotConfig, step_unicycle
 from readygo.common.scenes import Scene
-from readygo.services.renderer import (
-    Renderer,
-    RendererConfig,
-    Shot,
-    episode_header,
-    episode_samples,
-    handle_render,
-)
+from readygo.services.renderer import Renderer, RendererConfig, Shot, episode_header, episode_samples
 from readygo.services.renderer import renderer as renderer_module
 from readygo.services.renderer.config import sensor_phone_like
+from readygo.services.renderer.handlers import handle_render
 from tests.services.renderer.pictures import drawn, taken
 from tests.services.renderer.wearers import wearers
 

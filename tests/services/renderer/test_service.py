@@ -2,7 +2,8 @@ import numpy as np
 
 from readygo.common.bus import InProcessBus
 from readygo.common.messages import RenderRequest, RenderView, topics
-from readygo.services.renderer import Renderer, attach, handle_render
+from readygo.services.renderer import Renderer, attach
+from readygo.services.renderer.handlers import handle_render
 
 
 def test_renderer_answers_under_its_name(renderer: Renderer) -> None:

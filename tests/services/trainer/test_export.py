@@ -96,6 +96,26 @@ def test_graph_tells_its_best_command_that_moves(output):
     assert moving[fast] == pytest.approx(action[fast], abs=1e-5)
 
 
+@pytest.mark.parametrize("goal", ["point", "image", "both"])
+@pytest.mark.parametrize(("control_hz", "camera_hz"), [(30, 30), (60, 60), (20, 10)])
+def test_policy_decides_whenever_the_robot_is_commanded_with_any_form_of_the_goal(
+    tmp_path, goal, control_hz, camera_hz
+):
+    camera = CameraConfig(height_px=16, width_px=16)
+    robot = RobotConfig(control_hz=control_hz, camera_hz=camera_hz, camera=camera)
+    export_policy(trained_looking_model(robot, goal=goal, motion="poses"), PolicySpec(robot=robot), tmp_path)
+    policy, rng = load_policy(tmp_path), np.random.default_rng(4)
+    assert policy.spec.graph.rate_hz is None
+    memory, driven, moved = policy.start(), [], np.array([[0.4, 0.9]], np.float32)
+    memory.show_goal(rng.integers(0, 256, (16, 16, 3), np.uint8))
+    for step in range(24):
+        memory.advance(moved[0])
+        if step % robot.clock.image_every == 0:
+            policy.see([memory], rng.integers(0, 256, (1, 16, 16, 3), np.uint8))
+        driven.append(policy.decide([memory], moved, np.array([[3.0, 1.0]], np.float32))[0])
+    assert len(np.unique(driven, axis=0)) == 24
+
+
 def test_equal_weights_give_equal_files(tmp_path):
     robot = RobotConfig(camera=CameraConfig(height_px=16, width_px=16))
     for name, layout in (("a", torch.contiguous_format), ("b", torch.channels_last)):

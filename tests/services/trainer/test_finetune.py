@@ -48,6 +48,19 @@ def test_policy_that_is_loaded_and_saved_decides_the_same_until_it_is_trained_on
     assert all(torch.equal(again[name], value) for name, value in net.state_dict().items())
 
 
+def test_policies_with_an_image_of_the_goal_that_decided_20_times_a_second_are_still_trained_on(tmp_path):
+    robot, network = RobotConfig(camera=CameraConfig(height_px=16, width_px=16)), NetworkConfig(goal="both")
+    training = {"config": {"network": section_to_mapping(network)}}
+    export_policy(PolicyNet(robot, network).eval(), PolicySpec(robot=robot, training=training), tmp_path)
+    spec = load_spec(tmp_path)
+    save_spec(dataclasses.replace(spec, graph=dataclasses.replace(spec.graph, rate_hz=20.0)), tmp_path)
+    save_network(load_network(tmp_path), tmp_path, tmp_path / "new", {})
+    assert load_spec(tmp_path / "new").graph.rate_hz is None
+    save_spec(dataclasses.replace(spec, graph=dataclasses.replace(spec.graph, rate_hz=10.0)), tmp_path)
+    with pytest.raises(PolicyError, match="is not of the network"):
+        load_network(tmp_path)
+
+
 def test_policies_that_are_not_what_they_say_are_refused(folder, tmp_path):
     spec = load_spec(folder)
     with pytest.raises(PolicyError, match="began with"):

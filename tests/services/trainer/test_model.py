@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import nn
 
-from readygo.common.robot import CameraConfig, RobotConfig, RobotRanges
+from readygo.common.robot import CameraConfig, RobotConfig
+from readygo.common.robot.ranges import RobotRanges
 from readygo.services.trainer import best_recipe
 from readygo.services.trainer.config import NetworkConfig
 from readygo.services.trainer.model import Bins, PolicyNet, parameter_count, weigh

@@ -14,7 +14,8 @@ from readygo.common.images.images import Images
 from readygo.common.policy import PolicySpec, load_policy
 from readygo.common.policy.graph import Given
 from readygo.common.policy.sight import robot_sight
-from readygo.common.robot import CameraConfig, RobotConfig, RobotRanges
+from readygo.common.robot import CameraConfig, RobotConfig
+from readygo.common.robot.ranges import RobotRanges
 from readygo.services.trainer import TrainConfig, with_overrides
 from readygo.services.trainer.episodes import TrainingEpisode
 from readygo.services.trainer.export import export_policy

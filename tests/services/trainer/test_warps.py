@@ -44,14 +44,23 @@ LENSES = {
 }
 
 
-def panorama(camera, yaw_rad):
-    """What a camera sees of a world whose brightness is a function of direction alone."""
+def rays_of(camera, yaw_rad):
+    """Directions of a camera's pixels in the world, shape (H, W, 3)."""
     rows, columns = np.mgrid[: camera.height_px, : camera.width_px] + 0.5
     xy = make_lens(camera).rays(np.stack([columns.ravel(), rows.ravel()], axis=1))
     rays = np.concatenate([xy, np.ones((len(xy), 1))], axis=1) @ camera.T_world_camera(0, 0, yaw_rad, 0)[:3, :3].T
-    heading_rad, rise = np.arctan2(rays[:, 1], rays[:, 0]), rays[:, 2] / np.linalg.norm(rays, axis=1)
-    brightness = 128 + 60 * np.sin(5 * heading_rad) + 60 * np.sin(4 * rise)
-    return np.repeat(np.rint(brightness).astype(np.uint8).reshape(rows.shape)[:, :, None], 3, axis=2)
+    return rays.reshape(*rows.shape, 3)
+
+
+def brightness_of(rays):
+    """Brightness of a world by direction alone."""
+    heading_rad, rise = np.arctan2(rays[..., 1], rays[..., 0]), rays[..., 2] / np.linalg.norm(rays, axis=-1)
+    return np.rint(128 + 60 * np.sin(5 * heading_rad) + 60 * np.sin(4 * rise))
+
+
+def panorama(camera, yaw_rad):
+    """What a camera sees of the world of `brightness_of`."""
+    return np.repeat(brightness_of(rays_of(camera, yaw_rad)).astype(np.uint8)[:, :, None], 3, axis=2)
 
 
 @pytest.mark.parametrize("lens", LENSES)
@@ -141,11 +150,9 @@ def scale_of_turn(camera, yaw_rad, level):
 
 def depths_of_wall(camera, yaw_rad):
     """What a camera has of a wall that is 4 m ahead at yaw 0, in bytes of depth, shape (H, W)."""
-    rows, columns = np.mgrid[: camera.height_px, : camera.width_px] + 0.5
-    xy = make_lens(camera).rays(np.stack([columns.ravel(), rows.ravel()], axis=1))
-    rays = np.concatenate([xy, np.ones((len(xy), 1))], axis=1) @ camera.T_world_camera(0, 0, yaw_rad, 0)[:3, :3].T
+    ahead = rays_of(camera, yaw_rad)[..., 0]
     with np.errstate(divide="ignore"):
-        depth_m = np.where(rays[:, 0] > 0, 4.0 / rays[:, 0], np.inf).astype(np.float32).reshape(rows.shape)
+        depth_m = np.where(ahead > 0, 4.0 / ahead, np.inf).astype(np.float32)
     return depth_bytes(in_range(depth_m, camera), camera)
 
 
@@ -231,12 +238,8 @@ def test_mirrored_image_is_that_of_the_camera_in_the_mirror():
     camera = dataclasses.replace(SMALL, **LENSES["calibrated"], mount_yaw_deg=20.0)
     twin = in_mirror(camera)
     image = np.asarray(panorama(camera, 0.3))[:, ::-1]
-    rows, columns = np.mgrid[: twin.height_px, : twin.width_px] + 0.5
-    xy = make_lens(twin).rays(np.stack([columns.ravel(), rows.ravel()], axis=1))
-    rays = np.concatenate([xy, np.ones((len(xy), 1))], axis=1) @ twin.T_world_camera(0, 0, -0.3, 0)[:3, :3].T
-    heading_rad, rise = -np.arctan2(rays[:, 1], rays[:, 0]), rays[:, 2] / np.linalg.norm(rays, axis=1)
-    brightness = 128 + 60 * np.sin(5 * heading_rad) + 60 * np.sin(4 * rise)
-    assert np.abs(np.rint(brightness).reshape(rows.shape) - image[..., 0]).max() <= 1
+    seen = brightness_of(rays_of(twin, -0.3) * (1.0, -1.0, 1.0))
+    assert np.abs(seen - image[..., 0]).max() <= 1
 
 
 def three_cameras():

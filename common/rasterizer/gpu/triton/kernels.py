@@ -12,7 +12,6 @@ from readygo.common.rasterizer.gpu.batch import ViewBatch
 from readygo.common.rasterizer.gpu.device_clouds import upload
 from readygo.common.rasterizer.gpu.device_images import DeviceImages, mean_depth, unit_normals
 from readygo.common.rasterizer.gpu.triton.blend import COLOUR_PLANES, DEPTH_PLANES
-from readygo.common.rasterizer.gpu.triton.graph import GraphedPass
 from readygo.common.rasterizer.gpu.triton.pipeline import TritonPipeline
 from readygo.common.rasterizer.gpu.triton.settings import TritonSettings
 
@@ -42,7 +41,6 @@ class TritonKernels:
     ) -> None:
         clouds = upload(scenes, avatars, device)
         self._pipeline = TritonPipeline(clouds, K_px, height_px, width_px, settings, device)
-        self._graph = GraphedPass(self._pipeline, settings.cameras_per_pass) if settings.graphs else None
 
     def draw(self, batch: ViewBatch, wanted: frozenset[str]) -> DeviceImages:
         """Draw all cameras of a batch.
@@ -52,10 +50,10 @@ class TritonKernels:
             wanted: Names out of `readygo.common.images.images.OUTPUTS`.
 
         Returns:
-            The wanted images; their memory is used again by the next call where graphs are replayed.
+            The wanted images.
         """
         depth, normals = bool(wanted & {"depth", "median_depth", "mask"}), "normal" in wanted
-        planes = (self._graph or self._pipeline).draw(batch, depth=depth, normals=normals)
+        planes = self._pipeline.draw(batch, depth=depth, normals=normals)
         return _images(planes, depth, normals)
 
     def set_clock(self, clock: Callable[[str], None]) -> None:

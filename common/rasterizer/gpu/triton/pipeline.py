@@ -56,11 +56,11 @@ class TritonPipeline:
         K_px: Intrinsics [px] without skew, shape (3, 3).
         height_px: Image height.
         width_px: Image width.
-        settings: Tiles, slabs and sizes of launches.
+        settings: Tiles, slabs and sizes of launches; large images get larger tiles.
         device: Where `clouds` are.
 
     Raises:
-        ValueError: If the image has more than 255 tiles along an axis.
+        ReadygoError: If the image is too large for the largest tiles.
     """
 
     def __init__(
@@ -72,13 +72,9 @@ class TritonPipeline:
         settings: TritonSettings,
         device: torch.device,
     ) -> None:
+        settings = settings.for_image(height_px, width_px)
         self._columns = -(-width_px // settings.tile_width_px)
         self._rows = -(-height_px // settings.tile_height_px)
-        if max(self._columns, self._rows) > 255:
-            raise ValueError(
-                f"images are limited to 255 tiles of {settings.tile_width_px}x{settings.tile_height_px} px per axis, "
-                f"got {height_px}x{width_px} px; choose larger tiles."
-            )
         self._clouds, self._settings, self._device = clouds, settings, device
         self._height, self._width = height_px, width_px
         K = [float(K_px[0, 0]), float(K_px[1, 1]), float(K_px[0, 2]), float(K_px[1, 2])]
@@ -87,8 +83,6 @@ class TritonPipeline:
         self._programs = settings.programs_per_processor * _processor_count(device)
         self._needed = torch.zeros(2, dtype=torch.int64, device=device)
         self._buffers: Buffers | None = None
-        self.buffers_made = 0
-        """Rises whenever buffers are replaced."""
         self.clock: Callable[[str], None] = _no_clock
         """Called with the name of each stage when it begins."""
 
@@ -108,15 +102,11 @@ class TritonPipeline:
         planes = torch.empty((cameras, count, self._height, self._width), device=self._device)
         step = self._settings.cameras_per_pass
         while True:
-            self.begin()
+            self._needed.zero_()
             for first in range(0, cameras, step):
                 self.attempt(batch.part(first, first + step), planes[first : first + step], depth, normals)
-            if self.check_capacity(normals):
+            if self._check_capacity(normals):
                 return planes
-
-    def begin(self) -> None:
-        """Forget what earlier attempts needed."""
-        self._needed.zero_()
 
     def attempt(self, batch: ViewBatch, planes: Tensor, depth: bool, normals: bool) -> None:
         """Draw up to `cameras_per_pass` cameras; what does not fit into the buffers is left out and remembered."""
@@ -286,7 +276,7 @@ class TritonPipeline:
             held = self._make_buffers(pairs, entries, normals)
         return held
 
-    def check_capacity(self, normals: bool) -> bool:
+    def _check_capacity(self, normals: bool) -> bool:
         """False if attempts left something out; the buffers are larger then. Waits for the device."""
         held = self._buffers
         if held is None:
@@ -304,7 +294,6 @@ class TritonPipeline:
 
     def _make_buffers(self, pairs: int, entries: int, normals: bool) -> Buffers:
         self._buffers = make_buffers(pairs, entries, normals, self._device)
-        self.buffers_made += 1
         return self._buffers
 
 

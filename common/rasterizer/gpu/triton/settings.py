@@ -1,8 +1,14 @@
 """Choices of the Triton kernels that change speed, not images."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+from readygo.common.errors import ReadygoError
 
 TILE_SIZES_PX = (4, 8, 16, 32)
+TILES_MAX = 255
+"""Most tiles along an axis: kernels pack their numbers, and the one after the last, into 8 bits."""
+WARPS_MAX = 32
+"""Most warps of a program on any GPU."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,8 +32,6 @@ class TritonSettings:
     sort_warps: int = 1
     long_sort_warps: int = 4
     blend_warps: int = 1
-    graphs: bool = False
-    """Replay passes as CUDA graphs, which spares the host their launches; pays where few cameras are drawn at once."""
 
     def __post_init__(self) -> None:
         for name in ("tile_width_px", "tile_height_px"):
@@ -43,3 +47,28 @@ class TritonSettings:
         for name in ("cameras_per_pass", "programs_per_processor", *launches):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}.")
+
+    def for_image(self, height_px: int, width_px: int) -> "TritonSettings":
+        """These settings with tiles as large as an image needs, and as many pixels per warp as before.
+
+        Args:
+            height_px: Image height.
+            width_px: Image width.
+
+        Raises:
+            ReadygoError: If the largest tiles are too small for the image.
+        """
+        if max(height_px, width_px) > TILES_MAX * TILE_SIZES_PX[-1]:
+            raise ReadygoError(
+                f"The backend triton draws images of up to {TILES_MAX * TILE_SIZES_PX[-1]} px a side, got "
+                f"{height_px}x{width_px} px; use the cpu backend, or a smaller image."
+            )
+        height, width = self.tile_height_px, self.tile_width_px
+        while -(-height_px // height) > TILES_MAX:
+            height *= 2
+        while -(-width_px // width) > TILES_MAX:
+            width *= 2
+        larger = height * width // (self.tile_height_px * self.tile_width_px)
+        return replace(
+            self, tile_height_px=height, tile_width_px=width, blend_warps=min(self.blend_warps * larger, WARPS_MAX)
+        )

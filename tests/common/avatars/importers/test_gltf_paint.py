@@ -93,6 +93,42 @@ def test_texture_transform_turns_scales_and_shifts(tmp_path: Path) -> None:
     assert notes == ()
 
 
+def _second_uv(reference: dict[str, Any], *, has_set: bool = True) -> Any:
+    """An edit that gives the human a second UV map, whose coordinates are zeros, and a texture."""
+
+    def edit(document: dict[str, Any]) -> None:
+        document["materials"] = [{"name": "Skin", "pbrMetallicRoughness": {"baseColorTexture": reference}}]
+        count = document["accessors"][2]["count"]
+        document["accessors"].append({"componentType": 5126, "count": count, "type": "VEC2"})
+        if has_set:
+            document["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_1"] = len(document["accessors"]) - 1
+
+    return edit
+
+
+@pytest.mark.parametrize(
+    "reference",
+    [
+        {"index": 0, "texCoord": 1},
+        {"index": 0, "texCoord": 7, "extensions": {"KHR_texture_transform": {"texCoord": 1}}},
+    ],
+)
+def test_texture_lies_at_the_set_of_coordinates_that_it_names(tmp_path: Path, reference: dict[str, Any]) -> None:
+    figure = read_figure(GltfFile(write_glb(tmp_path / "a.glb", edit=_second_uv(reference))))
+    assert (figure.parts[0].uv == 0.0).all()
+    first = read_figure(GltfFile(write_glb(tmp_path / "b.glb", edit=_second_uv({"index": 0})))).parts[0].uv
+    assert np.unique(first, axis=0).tolist() == [[0.5, 0.25], [0.5, 0.75]]
+
+
+def test_texture_whose_set_of_coordinates_is_missing_is_one_error(tmp_path: Path) -> None:
+    path = write_glb(tmp_path / "a.glb", edit=_second_uv({"index": 0, "texCoord": 1}, has_set=False))
+    words = (
+        r"^.*a\.glb: the texture of material 'Skin' lies at TEXCOORD_1, which a mesh with it lacks; export the figure"
+    )
+    with pytest.raises(AvatarError, match=words):
+        gltf_human(path, count=100)
+
+
 def test_texture_that_cannot_be_read_is_noted_and_the_factor_stands_in(tmp_path: Path) -> None:
     rough = {"baseColorTexture": {"index": 9}, "baseColorFactor": [0.1, 0.2, 0.3, 1.0]}
     materials, notes = _materials(tmp_path / "a.glb", name="Skin", pbrMetallicRoughness=rough)

@@ -234,6 +234,12 @@ def test_colours_have_the_checkpoints_degree_and_none_by_direction_if_it_names_n
             "scaling_multiplier of the checkpoint must be 300 x 1",
         ),
         (lambda s: s.update(xyz="text"), "must be a tensor"),
+        (lambda s: s.update(triplane=torch.zeros(3)), "triplane of the checkpoint must be a dictionary"),
+        (lambda s: s["triplane"].update(plane_xy=torch.zeros(1, 4, 0, 0)), r"triplane\.plane_xy .* is empty"),
+        (lambda s: s.update(geometry_dec=[1.0]), "geometry_dec of the checkpoint must be a dictionary"),
+        (lambda s: s.update(active_sh_degree="x"), "active_sh_degree of the checkpoint must be a whole number"),
+        (lambda s: s.update(active_sh_degree=torch.zeros(2)), "active_sh_degree of the checkpoint must be a whole"),
+        (lambda s: s.update(active_sh_degree=None), "active_sh_degree of the checkpoint must be a whole number"),
     ],
 )
 def test_checkpoints_that_lack_something_are_refused(files: Any, tmp_path: Path, change: Any, message: str) -> None:

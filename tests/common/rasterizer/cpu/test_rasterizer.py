@@ -172,3 +172,14 @@ def test_frames_of_a_crooked_scene_are_as_they_were(golden_figures) -> None:
         if array is not None:
             rows = np.nan_to_num(array.reshape(80 * 128, -1).astype(np.float64), posinf=99.0)
             golden_figures(f"rasterizer/{field.name}", rows / (64.0 if array.dtype == np.uint8 else 1.0))
+
+
+def test_no_cloud_at_all_is_drawn_as_an_empty_one(make_cloud, camera) -> None:
+    T, K = camera(0.0, 0.0, 0.0, 40, 24)
+    images, empty = (
+        images_of(CpuRasterizer(scenes, {}, K, 24, 40), T, (), OUTPUTS)
+        for scenes in ([], pack_cloud(make_cloud(0), normals=True))
+    )
+    for name, array in images.arrays().items():
+        assert np.array_equal(array, empty.arrays()[name]), name
+    assert not images.rgb.any()

@@ -1,4 +1,5 @@
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -51,8 +52,8 @@ def wall() -> PackedScene:
     )
 
 
-def rasterizer(wall, avatar, packed: PackedAvatar | AvatarTree, **options: float) -> CpuRasterizer:
-    return CpuRasterizer(wall, numbered([avatar]), CAMERA.K_px, 144, 256, packed_avatars=numbered([packed]), **options)
+def rasterizer(wall, avatar, packed: PackedAvatar | AvatarTree) -> CpuRasterizer:
+    return CpuRasterizer(wall, numbered([avatar]), CAMERA.K_px, 144, 256, packed_avatars=numbered([packed]))
 
 
 def at(x_m: float) -> list[PosedHuman]:
@@ -61,9 +62,10 @@ def at(x_m: float) -> list[PosedHuman]:
     return [PosedHuman(avatar="0", root_m=np.array([x_m, 0.2, 0.95]), pose_axis_angle=pose)]
 
 
-def test_coarseness_0_draws_the_bytes_of_the_exact_image(wall, somebody, packed, tree) -> None:
+def test_tree_without_coarse_nodes_has_the_bytes_of_the_exact_image(wall, somebody, packed, tree) -> None:
     exact = rgb_of(rasterizer(wall, somebody, packed), T, at(2.0))
-    assert np.array_equal(rgb_of(rasterizer(wall, somebody, tree, coarseness=0.0), T, at(2.0)), exact)
+    fine = replace(tree, pixel_m=np.where(tree.pixel_m > 0, np.inf, 0.0))
+    assert np.array_equal(rgb_of(rasterizer(wall, somebody, fine), T, at(2.0)), exact)
     assert psnr_db(exact, rgb_of(rasterizer(wall, somebody, packed), T)) < 30
 
 

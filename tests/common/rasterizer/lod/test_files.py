@@ -12,7 +12,7 @@ from readygo.common.rasterizer.lod.files import (
     load_tree,
 )
 from readygo.common.rasterizer.lod.tree import ChunkTree, build_tree
-from readygo.common.rasterizer.packed.avatar import pack_avatar
+from readygo.common.rasterizer.packed.avatar import PackedAvatar, pack_avatar
 from readygo.common.rasterizer.packed.scene import PackedScene, pack_cloud
 
 
@@ -86,22 +86,6 @@ def test_folder_that_cannot_be_written_gives_an_unmapped_tree(scene: PackedScene
     assert not isinstance(tree.scene.geometry, np.memmap)
 
 
-def test_one_process_builds_while_others_wait(scene: PackedScene, tmp_path: Path, monkeypatch) -> None:
-    """A worker that comes second finds, once it has the lock, what the first one has made."""
-    folder = tmp_path / "lod"
-    calls = []
-
-    def first_build(packed: PackedScene) -> ChunkTree:
-        calls.append(1)
-        return ChunkTree(scene=packed, skip=np.arange(1, packed.chunk_count + 1), pixel_m=np.zeros(packed.chunk_count))
-
-    monkeypatch.setattr(lod_files, "build_tree", first_build)
-    answers = iter([None, load_or_build_tree(folder, lambda: scene)])
-    loaded = lod_files._load_or_make(folder, lambda: next(answers), unwanted, lod_files.save_tree)
-    assert isinstance(loaded, ChunkTree)
-    assert len(calls) == 1
-
-
 def test_packed_avatar_comes_back_as_it_was(avatar: Avatar, tmp_path: Path) -> None:
     fresh = pack_avatar(avatar)
     load_or_pack_avatar(tmp_path / "avatar", avatar)
@@ -123,10 +107,15 @@ def test_avatar_whose_indices_lead_out_of_its_arrays_is_made_anew(avatar: Avatar
     assert np.array_equal(getattr(load_or_build_avatar_tree(folder, avatar).avatar, name), good)
 
 
-def test_folder_is_being_made_while_its_lock_is_held(tmp_path: Path) -> None:
-    folder = tmp_path / "cache" / "avatar-0"
-    assert not lod_files.is_being_made(folder)
-    with lod_files._one_at_a_time(folder):
-        assert lod_files.is_being_made(folder)
-        assert not lod_files.is_being_made(tmp_path / "cache" / "avatar-1")
-    assert not lod_files.is_being_made(folder)
+@pytest.mark.parametrize("damage", ["remove", "truncate"])
+def test_avatar_that_lost_its_normals_is_made_anew(avatar: Avatar, tmp_path: Path, damage: str) -> None:
+    for folder, load_or_make in (
+        (tmp_path / "exact", load_or_pack_avatar),
+        (tmp_path / "lod", load_or_build_avatar_tree),
+    ):
+        load_or_make(folder, avatar)
+        path = folder / "chunks" / "normal.npy"
+        path.unlink() if damage == "remove" else path.write_bytes(path.read_bytes()[:200])
+        made = load_or_make(folder, avatar)
+        packed = made if isinstance(made, PackedAvatar) else made.avatar
+        assert np.array_equal(packed.scene.normal, np.load(path))

@@ -1,9 +1,10 @@
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from readygo.common.rasterizer.cpu.lod_cull import Cut, cull_tree
+from readygo.common.rasterizer.cpu.lod_cull import COARSENESS, Cut, cull_tree
 from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.cpu.view import VisibleChunks, make_view
 from readygo.common.rasterizer.lod.tree import ChunkTree, _reach, build_tree, children_of
@@ -100,10 +101,13 @@ def test_same_cloud_gives_the_same_tree(scene: PackedScene, tree: ChunkTree) -> 
         assert np.array_equal(getattr(again.scene, name), getattr(tree.scene, name))
 
 
-def test_coarseness_0_draws_the_bytes_of_the_exact_image(scene: PackedScene, tree: ChunkTree, camera) -> None:
+def test_tree_without_coarse_nodes_has_the_bytes_of_the_exact_image(
+    scene: PackedScene, tree: ChunkTree, camera
+) -> None:
     T, K = camera(-3.0, 0.5, 0.2, W, H)
     exact = rgb_of(CpuRasterizer(scene, {}, K, H, W), T)
-    assert np.array_equal(rgb_of(CpuRasterizer(tree, {}, K, H, W, coarseness=0.0), T), exact)
+    fine = replace(tree, pixel_m=np.where(tree.pixel_m > 0, np.inf, 0.0))
+    assert np.array_equal(rgb_of(CpuRasterizer(fine, {}, K, H, W), T), exact)
 
 
 def test_images_are_alike_and_come_closer_with_less_coarseness(scene: PackedScene, tree: ChunkTree, camera) -> None:
@@ -112,7 +116,7 @@ def test_images_are_alike_and_come_closer_with_less_coarseness(scene: PackedScen
     exact = CpuRasterizer(scene, {}, K, H, W)
     lowest_db, records = [], []
     for coarseness in (3.0, 1.2, 0.4):
-        coarse = CpuRasterizer(tree, {}, K, H, W, coarseness=coarseness)
+        coarse = CpuRasterizer(replace(tree, pixel_m=tree.pixel_m * (COARSENESS / coarseness)), {}, K, H, W)
         lowest_db.append(min(psnr_db(rgb_of(exact, T), rgb_of(coarse, T)) for T in views))
         records.append(int(coarse._ws.counts[0]))
     rgb_of(exact, views[-1])

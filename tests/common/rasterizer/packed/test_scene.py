@@ -1,4 +1,6 @@
 import re
+import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -115,6 +117,30 @@ def test_good_cache_is_used_without_the_cloud(make_cloud, tmp_path: Path) -> Non
         raise AssertionError("the cloud was loaded")
 
     assert same(first, load_or_pack(tmp_path / "packed", unwanted))
+
+
+def test_one_process_packs_while_others_wait_and_load_what_it_packed(make_cloud, tmp_path: Path) -> None:
+    cloud, loads, started = make_cloud(300), [], threading.Event()
+
+    def load() -> GaussianCloud:
+        loads.append(1)
+        started.set()
+        # Time for the other one to find no pack either.
+        time.sleep(0.2)
+        return cloud
+
+    packs: list[PackedScene] = []
+    threads = [
+        threading.Thread(target=lambda: packs.append(load_or_pack(tmp_path / "packed", load, normals=True)))
+        for _ in range(2)
+    ]
+    threads[0].start()
+    started.wait()
+    threads[1].start()
+    for thread in threads:
+        thread.join()
+    assert loads == [1]
+    assert all(isinstance(pack.normal, np.memmap) and same(pack, packs[0]) for pack in packs)
 
 
 @pytest.mark.parametrize("damage", ["truncate", "remove", "format", "mismatch"])

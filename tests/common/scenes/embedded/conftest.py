@@ -2,7 +2,8 @@ import pytest
 
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.scenes import Scene
-from readygo.common.scenes.embedded import bundle, embedded_scene_cloud, ensure_embedded_scene
+from readygo.common.scenes.embedded import bundle, ensure_embedded_scene
+from readygo.common.scenes.embedded.scene import embedded_scene_cloud
 
 
 @pytest.fixture(scope="session")

@@ -9,10 +9,9 @@ from readygo.common.maps import OccupancyMap
 from readygo.common.maps.distance import clearance_m
 from readygo.common.maps.occupancy import MapConfig, plan_scene
 from readygo.common.scenes import Scene
-from readygo.common.scenes.embedded import embedded_scene_cloud, embedded_sky
 from readygo.common.scenes.embedded.drawn_plan import draw_plan
 from readygo.common.scenes.embedded.plan import FLAT, Room
-from readygo.common.scenes.embedded.scene import drawn_scene_cloud, floor_height_m
+from readygo.common.scenes.embedded.scene import drawn_scene_cloud, embedded_scene_cloud, embedded_sky, floor_height_m
 
 ARRAYS = ("means_m", "quats_wxyz", "scales_m", "opacities", "sh")
 

@@ -7,8 +7,8 @@ from scipy import ndimage
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.maps.distance import clearance_m
 from readygo.common.maps.occupancy import MapConfig, plan_scene
-from readygo.common.scenes.embedded import embedded_scene_cloud
 from readygo.common.scenes.embedded.plan import FLAT
+from readygo.common.scenes.embedded.scene import embedded_scene_cloud
 from readygo.common.scenes.embedded.surfaces import Surfaces
 from readygo.common.scenes.embedded.variation import Variation
 

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from readygo.benchmarks.motion.paths import circle, floor, line, s_curve
 from readygo.common.frames import matrix_from_axis_angle, zup_from_yup
 from readygo.services.animator import skeleton_of
 from readygo.services.animator.gait import walk as gait
@@ -10,7 +11,6 @@ from readygo.services.animator.gait.human import draw_style
 from readygo.services.animator.gait.path import extend, plan_track
 from readygo.services.animator.gait.quality import joints_of
 from tests.services.animator.bodies import make_avatar
-from tests.services.animator.paths import circle, floor, line, s_curve
 
 AVERAGE = draw_style(np.random.default_rng(0), 0.0, skeleton_of(make_avatar()).size)
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from readygo.benchmarks.motion.paths import floor, line
 from readygo.services.animator import skeleton_of
 from readygo.services.animator.gait.quality import heights_above, joints_of, sole_points
-from tests.services.animator.paths import floor, line
 
 SILL_M = 0.08
 

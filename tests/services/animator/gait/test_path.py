@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
+from readygo.benchmarks.motion.paths import dash, hard_stops, line, stop_and_go
 from readygo.services.animator.gait.curves import default_curves
 from readygo.services.animator.gait.human import draw_style
 from readygo.services.animator.gait.path import heading, plan_track, time_of_phase
-from tests.services.animator.paths import dash, hard_stops, line, stop_and_go
 
 STYLE = draw_style(np.random.default_rng(0), 0.0, 1.0)
 

@@ -3,11 +3,11 @@ import dataclasses
 import numpy as np
 import pytest
 
+from readygo.benchmarks.motion.paths import dash, floor, line, s_curve
 from readygo.common.avatars import joint_positions
 from readygo.services.animator import measure, skeleton_of
 from readygo.services.animator.gait.quality import cadence_per_min, elbow_deg, joints_of, sole_points
 from tests.services.animator.bodies import make_avatar
-from tests.services.animator.paths import dash, floor, line, s_curve
 
 FLAT = floor()
 

@@ -3,13 +3,13 @@ import itertools
 import numpy as np
 import pytest
 
+from readygo.benchmarks.motion.paths import floor, hard_stops, line
 from readygo.services.animator.gait.curves import default_curves
 from readygo.services.animator.gait.human import draw_style, skeleton_of
 from readygo.services.animator.gait.math import Ground
 from readygo.services.animator.gait.path import plan_track
 from readygo.services.animator.gait.steps import OFF, ON, ROLL, SLOPE, STAND_HALF_WIDTH_M, YAW, X, Y, Z, plan_contacts
 from tests.services.animator.bodies import make_avatar
-from tests.services.animator.paths import floor, hard_stops, line
 
 SKELETON = skeleton_of(make_avatar())
 STYLE = draw_style(np.random.default_rng(0), 0.0, SKELETON.size)._replace(heading_rad=0.0, toe_out_rad=0.0)

@@ -3,13 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from readygo.common.errors import MotionError
-from readygo.common.frames import matrix_from_axis_angle
-from readygo.services.animator import measure, skeleton_of
-from readygo.services.animator.gait.path import run_share
-from readygo.services.animator.gait.quality import cadence_per_min, heights_above, joints_of, sole_points
-from tests.services.animator.bodies import make_avatar
-from tests.services.animator.paths import (
+from readygo.benchmarks.motion.paths import (
     circle,
     dash,
     floor,
@@ -21,6 +15,12 @@ from tests.services.animator.paths import (
     times,
     turn_in_place,
 )
+from readygo.common.errors import MotionError
+from readygo.common.frames import matrix_from_axis_angle
+from readygo.services.animator import measure, skeleton_of
+from readygo.services.animator.gait.path import run_share
+from readygo.services.animator.gait.quality import cadence_per_min, heights_above, joints_of, sole_points
+from tests.services.animator.bodies import make_avatar
 
 FLAT = floor()
 SLOPE = floor(lambda x, y: 0.10 * x + 0.05 * y)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from readygo.services.animator.priormdm import PriorMdmConfig
+from readygo.services.animator.priormdm.config import PriorMdmConfig
 from readygo.services.animator.priormdm.features import FEATURE_COUNT
 from tests.services.animator.priormdm.networks import ARGS, random_network
 

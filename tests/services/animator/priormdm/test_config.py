@@ -1,7 +1,7 @@
 import pytest
 
 from readygo.services.animator import AnimatorConfig
-from readygo.services.animator.priormdm import PriorMdmConfig
+from readygo.services.animator.priormdm.config import PriorMdmConfig
 
 
 @pytest.mark.parametrize(

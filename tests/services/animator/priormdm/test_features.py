@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from readygo.benchmarks.motion.paths import circle, floor, reversal, s_curve, stop_and_go
 from readygo.common.frames import yup_from_zup
 from readygo.services.animator.gait.quality import joints_of
 from readygo.services.animator.priormdm.features import (
@@ -17,7 +18,6 @@ from readygo.services.animator.priormdm.features import (
     encode,
     encode_path,
 )
-from tests.services.animator.paths import circle, floor, reversal, s_curve, stop_and_go
 
 
 @pytest.mark.parametrize("xy", [s_curve(1.2), circle(1.6), stop_and_go(1.4), reversal(1.0)], ids=lambda xy: len(xy))

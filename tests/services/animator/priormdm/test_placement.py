@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
+from readygo.benchmarks.motion.paths import floor, line
 from readygo.common.frames import yup_from_zup
 from readygo.services.animator import skeleton_of
 from readygo.services.animator.gait.math import Ground
 from readygo.services.animator.gait.quality import joints_of
 from readygo.services.animator.priormdm.placement import wear
 from readygo.services.animator.smpl.fit import fit_rotations
-from tests.services.animator.paths import floor, line
 
 FLAT = floor()
 GROUND = Ground(FLAT.height_m, FLAT.frame.origin_x_m, FLAT.frame.origin_y_m, FLAT.frame.resolution_m)

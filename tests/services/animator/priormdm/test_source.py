@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from readygo.benchmarks.motion.paths import circle, floor, line, s_curve
 from readygo.common.errors import ConfigError, MotionError
 from readygo.common.frames import matrix_from_axis_angle, yup_from_zup, zup_from_yup
 from readygo.common.messages import AnimateRequest, EpisodeKey, HumanTrajectory, Scenario, Split, encode
@@ -16,7 +17,6 @@ from readygo.services.animator.priormdm.network import Mdm
 from readygo.services.animator.priormdm.placement import HUMANML3D_LEG_M
 from readygo.services.animator.priormdm.source import SETTLE_FRAMES, PriorMdm
 from tests.services.animator.bodies import make_avatar
-from tests.services.animator.paths import circle, floor, line, s_curve
 from tests.services.animator.priormdm.networks import SMALL
 
 

@@ -3,13 +3,13 @@ import dataclasses
 import numpy as np
 import pytest
 
+from readygo.benchmarks.motion.paths import circle, floor, reversal, s_curve, stop_and_go
 from readygo.common.frames import yup_from_zup
 from readygo.services.animator import skeleton_of
 from readygo.services.animator.gait.quality import joints_of
 from readygo.services.animator.smpl.fit import fit_rotations, pose_of
 from readygo.services.animator.smpl.fit_math import turn
 from tests.services.animator.bodies import make_avatar, spins_radps
-from tests.services.animator.paths import circle, floor, reversal, s_curve, stop_and_go
 from tests.services.animator.smpl.fitted import fit_motion
 
 PATHS = {"s_curve": s_curve(1.2), "circle": circle(1.6), "stop_and_go": stop_and_go(1.4), "reversal": reversal(1.0)}

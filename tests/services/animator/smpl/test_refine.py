@@ -5,13 +5,13 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
+from readygo.benchmarks.motion.paths import floor, s_curve
 from readygo.common.avatars import SMPL_PARENTS
 from readygo.common.errors import ConfigError
 from readygo.services.animator import skeleton_of
 from readygo.services.animator.gait.quality import joints_of
 from readygo.services.animator.smpl import refine as refinement
 from readygo.services.animator.smpl.refine import GMOF_SIGMA_M, _Loss, load_pose_prior, refine
-from tests.services.animator.paths import floor, s_curve
 from tests.services.animator.smpl.fitted import fit_motion
 
 

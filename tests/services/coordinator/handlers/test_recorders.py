@@ -16,7 +16,7 @@ from readygo.common.messages import (
     topics,
 )
 from readygo.common.messages.stages import HUMAN_PLAN, RENDER
-from readygo.services.coordinator import requeue_lost
+from readygo.services.coordinator.upkeep import requeue_lost
 from tests.services.coordinator.line import Line, line_to_two_recorders
 
 

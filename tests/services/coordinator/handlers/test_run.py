@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from readygo.common.errors import PeerError
-from readygo.common.fleet import fetch_blob
+from readygo.common.fleet.blobs import fetch_blob
 from readygo.common.messages import (
     ClaimStatus,
     Command,
@@ -14,7 +14,7 @@ from readygo.common.messages import (
     topics,
 )
 from readygo.common.messages.stages import ANIMATE, DRIVE, DRIVE_LINE, HUMAN_PLAN, RENDER
-from readygo.services.coordinator import requeue_lost
+from readygo.services.coordinator.upkeep import requeue_lost
 from tests.services.coordinator.line import Line
 
 LIVE = PolicyRef(path="", files=(), mix=0.5)

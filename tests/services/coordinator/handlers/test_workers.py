@@ -15,7 +15,7 @@ from readygo.common.messages import (
     topics,
 )
 from readygo.common.messages.stages import ANIMATE, DRIVE, DRIVE_LINE, HUMAN_PLAN, RENDER, ROBOT_PLAN, OnRejection
-from readygo.services.coordinator import requeue_lost
+from readygo.services.coordinator.upkeep import requeue_lost
 from tests.services.coordinator.line import Line
 
 

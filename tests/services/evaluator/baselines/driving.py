@@ -4,7 +4,8 @@ import numpy as np
 
 from readygo.common.episode import EpisodeConfig, EpisodeSimulation
 from readygo.common.episode.loop import run_episode
-from readygo.common.messages import EpisodeKey, EpisodeMotions, HumanMotion, HumanTrajectory, Motion, Scenario, Split
+from readygo.common.messages import EpisodeKey, EpisodeMotions, HumanMotion, HumanTrajectory, Scenario, Split
+from tests.common.episode.upright import upright_motion
 from tests.services.evaluator.conftest import ROBOT, hall
 
 
@@ -16,12 +17,7 @@ def drive(driver, start, goal, tracks=(), occupancy=None):
         goal_xy_m=np.array(goal),
         humans=tuple(HumanTrajectory(avatar="a", encounter="crossing", speed_mps=1.0, xy_m=t) for t in tracks),
     )
-    motions = EpisodeMotions(humans=tuple(HumanMotion(avatar="a", motion=_upright(track)) for track in tracks))
+    motions = EpisodeMotions(humans=tuple(HumanMotion(avatar="a", motion=upright_motion(track)) for track in tracks))
     simulation = EpisodeSimulation(scenario, motions, occupancy or hall(), ROBOT, EpisodeConfig())
     run_episode(simulation, driver)
     return simulation, simulation.path_xyyaw(0, simulation.step)
-
-
-def _upright(track):
-    root = np.column_stack([track, np.full(len(track), 0.9)]).astype(np.float32)
-    return Motion(root_m=root, pose_axis_angle=np.zeros((len(track), 24, 3), np.float32))

@@ -76,9 +76,9 @@ def test_path_is_safe_and_smooth(in_hall):
 
 
 def test_polygons_hold_their_piece(in_hall):
-    polygon = in_hall.polygon(np.array([7.0, 3.6]), np.array([8.0, 3.6]))
-    assert polygon.margin_m(np.array([7.5, 3.6])) > 0.1
-    assert polygon.margin_m(np.array([8.05, 2.8])) < 0.0
+    planes = in_hall.polygon(np.array([7.0, 3.6]), np.array([8.0, 3.6])).planes
+    assert (planes[:, :2] @ (7.5, 3.6) < planes[:, 2] - 0.1).all()
+    assert (planes[:, :2] @ (8.05, 2.8) > planes[:, 2]).any()
 
 
 def test_only_what_is_in_the_way_of_the_body_blocks():

@@ -18,7 +18,8 @@ from readygo.common.messages import (
     Scenario,
     encode,
 )
-from readygo.common.robot import RobotConfig, RobotRanges
+from readygo.common.robot import RobotConfig
+from readygo.common.robot.ranges import RobotRanges
 from readygo.services.planner import ExpertConfig, RobotPlanner, handle_human_plan, handle_robot_plan
 from readygo.services.planner.expert.handlers import drive
 from tests.services.planner.worlds import FRAME, animate, key, make_robot_planner, maps_of

@@ -1,11 +1,17 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
+from readygo.common.episode import EpisodeConfig
+from readygo.common.messages import Outcome
+from readygo.common.robot import RobotConfig
+from readygo.services.planner import ExpertConfig, RobotPlanner
 from readygo.services.planner.expert.handlers import drive
 from readygo.services.planner.explain.journal import run_with_journal
 from tests.services.planner.expert.crooked_run import crooked_run
 from tests.services.planner.runs import make_scenario
-from tests.services.planner.worlds import animate, make_robot_planner
+from tests.services.planner.worlds import animate, hall, make_robot_planner, maps_of
 
 
 def run(*humans, **config):
@@ -43,6 +49,19 @@ def test_robot_passes_who_stands_on_its_way():
     driven = drive(make_robot_planner(mode="paper"), scenario, animate(scenario))
     assert driven.outcome.value == "success"
     assert driven.human_distance_m.min() > 0.5
+
+
+@pytest.mark.parametrize("control_hz", [10, 5, 2])
+def test_robot_that_is_commanded_seldom_drives_as_smoothly_as_one_that_is_commanded_at_every_step(control_hz):
+    changes, scenario = {}, dataclasses.replace(make_scenario(), start_xyyaw=np.array([-2.0, 4.0, 0.3]))
+    scenario = dataclasses.replace(scenario, goal_xy_m=np.array([7.0, 8.7]))
+    for rate_hz in (20, control_hz):
+        robot = RobotConfig(control_hz=rate_hz, camera_hz=20)
+        planner = RobotPlanner(maps_of(hall()), {}, robot, EpisodeConfig(), ExpertConfig(mode="paper"))
+        driven = drive(planner, scenario, animate(scenario))
+        assert driven.outcome is Outcome.SUCCESS
+        changes[rate_hz] = np.sqrt(np.mean(np.diff(driven.actions[:, 1]) ** 2))
+    assert changes[control_hz] < 2.5 * changes[20]
 
 
 @pytest.mark.parametrize(("control_hz", "camera_hz"), [(10, 20), (10, 30)])

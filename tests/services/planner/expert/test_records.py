@@ -1,3 +1,4 @@
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,6 +14,8 @@ def test_state_and_limits_are_read_by_name():
     robot = RobotConfig(v_max_mps=0.8, v_min_mps=-0.3, w_max_radps=1.1, a_max_mps2=0.6, control_hz=30, camera_hz=10)
     limits = robot_limits(robot)._asdict()
     assert limits.pop("step_s") == pytest.approx(1 / 30)
+    assert (limits.pop("held_steps"), limits.pop("period_steps")) == (1, 1)
+    assert robot_limits(dataclasses.replace(robot, control_hz=10)).period_steps == 2
     assert limits == {name: getattr(robot, name) for name in limits}
     assert len(set(limits.values())) == 5
 

@@ -13,6 +13,7 @@ from readygo.services.planner.expert.rollouts import (
     slow_ahead,
     try_arc,
     try_pursuit,
+    turn_rate,
 )
 
 LIMITS = Limits(1.0, 1.2, 0.8, 2.0)
@@ -58,6 +59,45 @@ def test_command_changes_by_what_the_robot_can_do_in_a_step():
     assert limit_command(2.0, 5.0, State(0.0, 0.0, 0.0, 0.5, 0.0), LIMITS) == pytest.approx((0.54, 0.1))
     assert limit_command(-1.0, -5.0, State(0.0, 0.0, 0.0, 0.5, 0.0), LIMITS) == pytest.approx((0.46, -0.1))
     assert limit_command(2.0, 5.0, State(0.0, 0.0, 0.0, 0.99, 1.19), LIMITS) == pytest.approx((1.0, 1.2))
+
+
+@pytest.mark.parametrize("steps", [2, 5])
+def test_command_that_is_held_changes_by_what_the_robot_can_do_in_all_of_its_steps(steps):
+    state = State(0.0, 0.0, 0.0, 0.5, 0.0)
+    assert limit_command(2.0, 5.0, state, LIMITS, steps) == pytest.approx((0.5 + 0.04 * steps, 0.1 * steps))
+    assert limit_command(-1.0, -5.0, state, LIMITS, steps) == pytest.approx((0.5 - 0.04 * steps, -0.1 * steps))
+
+
+def test_run_executes_each_command_as_long_as_it_is_held():
+    path = np.column_stack([np.arange(0, 9, 0.05), np.zeros(180), np.zeros(180), np.ones(180)])
+    state, person = State(0.0, 0.1, 0.0, 0.4, 0.0), around(standing(0.9, -0.6))
+    _, gap, v, w = try_pursuit(path, 0, state, 0.5, 1.0, LIMITS._replace(held_steps=3, period_steps=5), person)
+    assert (v, w) == (pytest.approx(0.4 + 3 * 0.04), pytest.approx(-3 * 0.1))
+    # What follows the first command differs by how long it is held.
+    others = [(1, 1), (3, 1), (3, 8)]
+    gaps = [
+        try_pursuit(path, 0, state, 0.5, 1.0, LIMITS._replace(held_steps=held, period_steps=period), person)[1]
+        for held, period in others
+    ]
+    assert len({gap, *gaps}) == 4
+
+
+def test_held_command_slows_down_before_a_slower_stretch():
+    path = np.column_stack([np.arange(0, 3, 0.05), np.zeros(60), np.zeros(60), np.ones(60)])
+    path[30:, 3] = 0.2
+    state = State(1.2, 0.0, 0.0, 0.9, 0.0)
+    commands = [
+        try_pursuit(path, 24, state, 0.5, 1.0, LIMITS._replace(held_steps=steps), around())[2] for steps in (1, 10)
+    ]
+    assert commands[0] == pytest.approx(0.94)
+    # After half a second at 0.6 m/s or less the robot is at the slower stretch.
+    assert commands[1] == pytest.approx(0.3 / 0.45)
+
+
+@pytest.mark.parametrize("held_s", [0.05, 0.5, 1.0])
+def test_turn_rate_that_is_held_does_not_pass_the_heading(held_s):
+    assert turn_rate(0.6, held_s) == pytest.approx(min(1.2, 0.6 / held_s))
+    assert turn_rate(-0.6, held_s) == -turn_rate(0.6, held_s)
 
 
 def around(humans=NOBODY, wall_x_m=None, doubt_mps=0.0):
@@ -115,6 +155,8 @@ def test_evasion_leaves_who_comes_nearer_and_finds_nothing_between_walls_and_spe
     assert found
     assert v > 0
     assert w > 0
+    held = choose_evasion(state, LIMITS._replace(held_steps=4), around(coming), 0.4, to_goal)
+    assert held == (True, pytest.approx(4 * v), pytest.approx(4 * w))
     trapped = State(0.7, 0.0, 0.0, 1.0, 0.0)
     assert not choose_evasion(trapped, LIMITS, around(coming, wall_x_m=1.0), 0.4, to_goal)[0]
 

@@ -4,10 +4,13 @@ import math
 import numpy as np
 import pytest
 
+from readygo.common.episode import EpisodeConfig
+from readygo.common.robot import RobotConfig
+from readygo.services.planner import ExpertConfig, RobotPlanner
 from readygo.services.planner.explain.journal import run_with_journal
 from tests.services.planner.expert.crooked_run import crooked_run
 from tests.services.planner.runs import make_scenario
-from tests.services.planner.worlds import animate, hall, make_robot_planner
+from tests.services.planner.worlds import animate, hall, make_robot_planner, maps_of
 
 
 def run(*humans, **config):
@@ -111,18 +114,23 @@ def test_run_among_people_is_as_it_was(control_hz, camera_hz, golden_figures):
     golden_figures(f"expert/spacetime decisions {control_hz} {camera_hz}", np.array(known))
 
 
+@pytest.mark.parametrize("control_hz", [20, 1])
 @pytest.mark.parametrize("yaw_rad", [-2.0, 1.0])
-def test_robot_that_is_shut_in_turns_towards_its_goal(yaw_rad):
+def test_robot_that_is_shut_in_turns_towards_its_goal(yaw_rad, control_hz):
     shut_in = hall()
     i, j = shut_in.frame.cell(-2.0, 6.0)
     shut_in.occupied[i - 8 : i + 9, j - 8 : j + 9] = True
     shut_in.occupied[i - 7 : i + 8, j - 7 : j + 8] = False
     scenario = dataclasses.replace(make_scenario(), start_xyyaw=np.array([-2.0, 6.0, yaw_rad]))
     scenario = dataclasses.replace(scenario, goal_xy_m=np.array([2.0, 6.0]))
-    planner = make_robot_planner(shut_in)
+    robot = RobotConfig(control_hz=control_hz, camera_hz=20)
+    planner = RobotPlanner(maps_of(shut_in), {}, robot, EpisodeConfig(), ExpertConfig())
     expert, simulation = planner.expert(scenario, animate(scenario)), planner.simulation(scenario, animate(scenario))
-    for _ in range(60):
+    headings = []
+    for _ in range(160):
         decision = expert.act(simulation)
         simulation.advance(decision.v_mps, decision.w_radps)
+        headings.append(simulation.yaw_rad)
+    assert np.abs(headings[80:]).max() < 0.05
     assert simulation.yaw_rad == pytest.approx(0.0, abs=0.1)
     assert (simulation.x_m, simulation.y_m) == (-2.0, 6.0)

@@ -12,6 +12,7 @@ from readygo.services.planner.expert.ground import SceneGround
 from readygo.services.planner.expert.records import HumansAhead
 from readygo.services.planner.expert.spacetime import NEARNESS_COST
 from readygo.services.planner.expert.spacetime_search import SpaceTimeSearch
+from readygo.services.planner.expert.timed_primitives import make_timed_primitives
 from tests.services.planner.worlds import FRAME, rooms
 
 ROBOT = RobotConfig()
@@ -32,11 +33,11 @@ def _humans(*paths):
     )
 
 
-def _plan(state, goal_m, humans, occupancy=None, robot=ROBOT):
+def _plan(state, goal_m, humans, occupancy=None, robot=ROBOT, horizon_s=4.0):
     occupancy = occupancy or rooms()
     ground = SceneGround(occupancy, occupancy, None, robot, EpisodeConfig(), CONFIG)
     local = ground.around(state[:2], goal_m)
-    search = SpaceTimeSearch(robot, horizon_s=4.0, goal_tolerance_m=0.5)
+    search = SpaceTimeSearch(robot, horizon_s=horizon_s, goal_tolerance_m=0.5)
     return search.search(local.tight_factor, local.to_goal, local.obstacles, state, goal_m, humans)
 
 
@@ -56,6 +57,25 @@ def test_plan_starts_at_the_state_keeps_the_limits_and_touches_nothing():
     driven_m = np.hypot(*np.diff(plan.rows[:, :2], axis=0).T)
     assert np.allclose(driven_m, plan.rows[1:, 3] * DT_S, atol=1e-4)
     assert not any(meets_obstacle(rooms(), x, y, ROBOT.radius_m) for x, y in plan.rows[:, :2].tolist())
+
+
+@pytest.mark.parametrize(("control_hz", "camera_hz"), [(1, 20), (1, 7), (3, 3), (7, 7), (30, 30)])
+@pytest.mark.parametrize("horizon_s", [4.0, 8.0])
+def test_plans_reach_no_farther_than_the_horizon(control_hz, camera_hz, horizon_s):
+    robot = RobotConfig(control_hz=control_hz, camera_hz=camera_hz)
+    open_map = OccupancyMap(frame=FRAME, occupied=np.zeros((200, 400), np.bool_))
+    plan = _plan((-2.0, 7.0, 0.0, 0.0, 0.0), (16.0, 7.0), _humans(), open_map, robot, horizon_s)
+    reach_s = (len(plan.rows) - 1) * robot.clock.dt_s
+    primitive_s = robot.clock.dt_s * make_timed_primitives(robot).steps
+    assert horizon_s - primitive_s < reach_s <= horizon_s + 1e-9
+
+
+@pytest.mark.parametrize(("control_hz", "reach_s"), [(20, 4.0), (10, 4.0), (5, 3.2), (2, 4.0)])
+def test_plans_have_eight_primitives_where_these_fit_into_the_horizon(control_hz, reach_s):
+    robot = RobotConfig(control_hz=control_hz, camera_hz=20)
+    open_map = OccupancyMap(frame=FRAME, occupied=np.zeros((200, 400), np.bool_))
+    plan = _plan((-2.0, 7.0, 0.0, 0.0, 0.0), (16.0, 7.0), _humans(), open_map, robot)
+    assert (len(plan.rows) - 1) * robot.clock.dt_s == pytest.approx(reach_s)
 
 
 def test_ground_is_free_before_a_human_comes_and_after_it_has_gone():

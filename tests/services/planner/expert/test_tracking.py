@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from readygo.common.episode import EpisodeConfig
-from readygo.common.robot import RobotConfig, step_unicycle
+from readygo.common.robot import RobotConfig, limit_command, step_unicycle
 from readygo.common.robot.kinematics import DT_S
 from readygo.services.planner import ExpertConfig
 from readygo.services.planner.expert.ground import SceneGround
 from readygo.services.planner.expert.hybrid_astar import Plan
 from readygo.services.planner.expert.records import State
 from readygo.services.planner.expert.tracking import PathTracker
-from tests.services.planner.worlds import rooms
+from tests.services.planner.worlds import hall, rooms
 
 ROBOT, Y_M = RobotConfig(), 6.0
 
@@ -89,6 +89,54 @@ def test_slower_stretch_ahead_is_reached_with_braking_to_spare(control_hz, a_max
     assert np.abs(np.diff(v, prepend=0.0)).max() <= a_max_mps2 * dt_s + 1e-9
     assert np.abs(np.diff(w, prepend=0.0)).max() <= robot.alpha_max_radps2 * dt_s + 1e-9
     assert follower.progress >= len(angles) - 3
+
+
+def settled(control_hz, state, turn_rad=0.0):
+    """Yaw rates [rad/s] and headings [rad] over 8 s of a robot that is commanded so often on a straight path."""
+    robot = RobotConfig(control_hz=control_hz, camera_hz=20)
+    ground = SceneGround(hall(), hall(), None, robot, EpisodeConfig(), ExpertConfig(mode="paper"))
+    follower = PathTracker(ground.around((-2.0, Y_M), (7.0, Y_M)), robot, ground.contact_m)
+    x = np.arange(-2.0, 7.5, 0.05)
+    xyyaw = np.column_stack([x, np.full(len(x), Y_M), np.zeros(len(x))])
+    follower.follow(Plan(xyyaw=xyyaw, speed_mps=np.ones(len(x)), cost=9.0, expansion_count=1), turn_rad)
+    rates, headings = [], []
+    for step in range(160):
+        follower.update(state.x_m, state.y_m)
+        if robot.clock.commands(step):
+            wanted = follower.command(state, held_steps=robot.clock.held_for(step))
+        v, w = limit_command(*wanted, state.v_mps, state.w_radps, robot, DT_S)
+        state = State(*step_unicycle(state.x_m, state.y_m, state.yaw_rad, v, w, DT_S), v, w)
+        rates.append(w)
+        headings.append(state.yaw_rad)
+    return np.array(rates), np.array(headings)
+
+
+@pytest.mark.parametrize("control_hz", [20, 10, 5, 2, 1])
+def test_robot_that_is_commanded_seldom_comes_to_its_path_without_oscillating(control_hz):
+    for state in (State(-2.0, Y_M - 0.05, 0.0, 0.0, 0.0), State(-2.0, Y_M + 0.1, 0.1, 1.0, 0.0)):
+        rates, headings = settled(control_hz, state)
+        assert np.sqrt(np.mean(rates[60:] ** 2)) < 0.02
+        assert np.abs(headings[100:]).max() < 0.01
+        turns = np.sign(rates[np.abs(rates) > 0.02])
+        assert (np.diff(turns) != 0).sum() <= 2
+
+
+@pytest.mark.parametrize("control_hz", [20, 10, 5, 2, 1])
+@pytest.mark.parametrize("yaw_rad", [-2.0, 1.3])
+def test_turn_in_place_of_a_robot_that_is_commanded_seldom_does_not_pass_its_heading(control_hz, yaw_rad):
+    _, headings = settled(control_hz, State(-2.0, Y_M, yaw_rad, 0.0, 0.0), turn_rad=yaw_rad)
+    side = np.sign(yaw_rad)
+    assert (side * headings).min() > -0.1
+    assert abs(headings[-1]) < 0.02
+
+
+@pytest.mark.parametrize("held_steps", [1, 4, 20])
+def test_command_is_what_the_robot_reaches_while_it_is_held(tracker, held_steps):
+    tracker.follow(straight(), 0.0)
+    v, _ = tracker.command(State(-2.0, Y_M, 0.0, 0.0, 0.0), held_steps=held_steps)
+    assert v == pytest.approx(min(held_steps * ROBOT.a_max_mps2 * DT_S, ROBOT.v_max_mps))
+    _, w = tracker.turn(State(-2.0, Y_M, 0.0, 0.0, 0.0), 3.0, held_steps=held_steps)
+    assert w == pytest.approx(min(held_steps * ROBOT.alpha_max_radps2 * DT_S, ROBOT.w_max_radps))
 
 
 def test_plan_that_begins_with_another_heading_is_turned_to_in_place_first(tracker):

@@ -3,7 +3,8 @@ import math
 import pytest
 
 from readygo.common.config import section_to_mapping
-from readygo.services.planner import FamilyMix, HumanPlannerConfig
+from readygo.services.planner import HumanPlannerConfig
+from readygo.services.planner.humans.config import FamilyMix
 
 
 @pytest.mark.parametrize("shares", [{"crossing": -1.0}, {"frontal": math.nan}, {}])

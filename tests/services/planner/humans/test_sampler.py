@@ -9,7 +9,8 @@ from readygo.common.episode import EpisodeConfig, meets_obstacle
 from readygo.common.errors import AvatarError, SceneError
 from readygo.common.maps import OccupancyMap
 from readygo.common.messages import HumanPlanRequest, encode
-from readygo.services.planner import FamilyMix, HumanPlannerConfig, handle_human_plan
+from readygo.services.planner import HumanPlannerConfig, handle_human_plan
+from readygo.services.planner.humans.config import FamilyMix
 from readygo.services.planner.humans.sampler import STANDING, drawn_order
 from tests.services.planner.worlds import FRAME, hall, key, make_human_planner, maps_of, planner_of
 

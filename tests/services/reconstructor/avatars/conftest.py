@@ -4,14 +4,14 @@ import dataclasses
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from readygo.apps.avatar.capture import AvatarCaptureConfig, capture_avatar
-from readygo.common.avatars import Avatar, load_avatars
+from readygo.common.avatars import Avatar
 from readygo.services.reconstructor.avatars.config import PosePriorConfig
 from readygo.services.reconstructor.avatars.footage import Footage
 from readygo.services.reconstructor.avatars.trajectory import PoseTrajectory, smoothed_trajectory
+from tests.common.avatars.coarse import coarse_avatar
 
 FRAMES = 12
 CONFIG = AvatarCaptureConfig(motion="turn", frames=FRAMES, width_px=96, height_px=96, pose_noise_deg=2.0)
@@ -20,11 +20,7 @@ CONFIG = AvatarCaptureConfig(motion="turn", frames=FRAMES, width_px=96, height_p
 @pytest.fixture(scope="session")
 def coarse_body() -> Avatar:
     """An embedded avatar of few, large Gaussians."""
-    body = load_avatars()["amara"]
-    rows = np.arange(0, len(body.cloud), 30)
-    cloud = body.cloud.select(rows)
-    cloud = dataclasses.replace(cloud, scales_m=cloud.scales_m * np.float32(5.0))
-    return dataclasses.replace(body, cloud=cloud, lbs_index=body.lbs_index[rows], lbs_weight=body.lbs_weight[rows])
+    return coarse_avatar()
 
 
 @pytest.fixture(scope="session")

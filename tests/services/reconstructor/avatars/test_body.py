@@ -7,6 +7,9 @@ import numpy as np
 import pytest
 
 from readygo.common.avatars import Avatar
+from readygo.common.rasterizer.cpu import rasterizer as cpu_rasterizer
+from readygo.common.rasterizer.packed.avatar import pack_avatar
+from readygo.services.reconstructor.avatars import body as body_module
 from readygo.services.reconstructor.avatars.body import (
     OVERLAP_SCALE,
     LikeBody,
@@ -51,3 +54,13 @@ def test_swapped_sides_fit_worse(plain_film: Path, coarse_body: Avatar) -> None:
     np.testing.assert_array_equal(swap_sides(swapped), footage.pose_axis_angle)
     overlaps = [overlap_of(coarse_body, person, pose, footage.root_m) for pose in (footage.pose_axis_angle, swapped)]
     assert overlaps[0] > overlaps[1] + 0.1
+
+
+def test_body_is_packed_once_for_all_frames(
+    plain_film: Path, coarse_body: Avatar, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    footage, packs = read_footage(plain_film), []
+    monkeypatch.setattr(body_module, "pack_avatar", lambda body: packs.append(pack_avatar(body)) or packs[-1])
+    monkeypatch.setattr(cpu_rasterizer, "pack_avatar", lambda body: pytest.fail("packed by the rasterizer"))
+    overlap_of(coarse_body, read_person(footage, 96), footage.pose_axis_angle, footage.root_m)
+    assert len(packs) == 1

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import os
 import shutil
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from readygo.services.reconstructor.avatars.config import AvatarFitConfig
 from readygo.services.reconstructor.avatars.detectors import box_of_mask
 from readygo.services.reconstructor.avatars.footage import mask_files, read_views, write_poses
 from readygo.services.reconstructor.avatars.keypoints import KEYPOINTS_FILE, read_keypoints
-from readygo.services.reconstructor.avatars.views import read_masks
+from readygo.services.reconstructor.avatars.views import PersonMask, read_masks
 from readygo.services.reconstructor.stages import Stages
 from tests.services.reconstructor.avatars.networks import write_brightness, write_points
 
@@ -81,7 +82,7 @@ def test_masks_and_keypoints_of_networks_are_kept(own_film: Path, coarse_body: A
     views = read_views(own_film)
     masks, _ = read_masks(mask_files(own_film / "masks", views.images), views.sizes_px)
     keypoints = read_keypoints(own_film / KEYPOINTS_FILE, views.images)
-    left, top, width, _ = box_of_mask(masks[0], SIZE[1] / SIZE[0])
+    left, top, width, _ = box_of_mask(masks[0].whole(), SIZE[1] / SIZE[0])
     points = np.clip((keypoints.uv_px[0] - (left, top)) * (SIZE[1] / width), 0.0, (SIZE[1] - 1, SIZE[0] - 1))
     networks = PersonNetworks(keypoints=write_points(tmp_path / "keypoints.onnx", SIZE, points))
     (own_film / KEYPOINTS_FILE).unlink()
@@ -89,6 +90,11 @@ def test_masks_and_keypoints_of_networks_are_kept(own_film: Path, coarse_body: A
     _complete(own_film, tmp_path / "work", coarse_body, networks, heard)
     _complete(own_film, tmp_path / "work", coarse_body, networks, heard)
     assert heard == ["keypoints", "poses"]
+    for changed in (own_film / "images" / views.images[0], own_film / "masks" / views.images[0]):
+        os.utime(changed, ns=(0, 0))
+        heard.clear()
+        _complete(own_film, tmp_path / "work", coarse_body, networks, heard)
+        assert heard[0] == "keypoints"
     found = read_keypoints(tmp_path / "work" / "keypoints" / KEYPOINTS_FILE, views.images)
     inside = (keypoints.uv_px[0] >= 0.0).all(axis=1)
     assert np.abs(found.uv_px[0] - keypoints.uv_px[0])[inside].max() < 1.5
@@ -154,7 +160,7 @@ def test_masks_and_keypoints_are_found_of_images_in_folders(
     (own_film / "cameras.json").write_text(json.dumps(cameras))
     shutil.rmtree(own_film / "masks")
     (own_film / KEYPOINTS_FILE).unlink()
-    whole = np.ones((96, 96), dtype=bool)
+    whole = PersonMask.of_whole(np.ones((96, 96), dtype=bool))
     monkeypatch.setattr(complete, "check_keypoints", lambda *_: [])
     monkeypatch.setattr(complete, "read_masks", lambda paths, _: ([whole] * len(paths), []))
 

@@ -1,22 +1,33 @@
 """An extraction gives an avatar with its measures, resumes, and refuses what cannot be a person."""
 
+import os
 import signal
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from readygo.common.avatars import Avatar
+from readygo.common.avatars import Avatar, pose_avatar
 from readygo.common.errors import AvatarError
+from readygo.common.rasterizer.reference import rasterize_reference
+from readygo.services.reconstructor.avatars import extract
 from readygo.services.reconstructor.avatars.body import swap_sides
 from readygo.services.reconstructor.avatars.config import AvatarFitConfig
 from readygo.services.reconstructor.avatars.extract import (
     CHECKPOINT_FILE,
+    GREY,
     Extraction,
     ExtractionProgress,
+    _identity,
+    compare_person,
     extract_avatar,
     forget_extraction,
 )
+from readygo.services.reconstructor.avatars.fit import PersonFit
+from readygo.services.reconstructor.avatars.footage import read_footage
+from readygo.services.reconstructor.avatars.views import read_person, view_at
+from tests.services.reconstructor.avatars.conftest import trajectory_of
 
 CONFIG = AvatarFitConfig(steps=24, hold_out=6, gaussians_max=2000)
 
@@ -70,3 +81,38 @@ def test_swapped_sides_and_strange_poses_leave_nothing(own_film: Path, coarse_bo
     with pytest.raises(AvatarError, match="look at the cameras"):
         _extract(own_film, work, coarse_body)
     assert not work.exists()
+
+
+def test_held_out_pictures_are_of_the_avatar_that_is_written(
+    plain_film: Path, coarse_body: Avatar, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def upper_half(avatar: Avatar, _distance_m: float) -> Avatar:
+        kept = avatar.cloud.means_m[:, 1] > 0.5 * avatar.height_m
+        joint, weight = avatar.lbs_index[kept], avatar.lbs_weight[kept]
+        return replace(avatar, cloud=avatar.cloud.select(kept), lbs_index=joint, lbs_weight=weight)
+
+    monkeypatch.setattr(extract, "without_floaters", upper_half)
+    made = _extract(plain_film, tmp_path / "work", coarse_body)
+    view = view_at(read_person(read_footage(plain_film), CONFIG.side_max_px), 6, 1)
+    cloud = pose_avatar(made.avatar, made.root_m[6], made.pose_axis_angle[6])
+    drawn = rasterize_reference(cloud, view.T_world_camera, view.K_px, *view.mask.shape)
+    expected = np.clip(drawn.rgb + GREY * (1.0 - drawn.alpha[..., None]), 0.0, 1.0).transpose(2, 0, 1)
+    shown = made.held_out[1]
+    assert shown.image == "00006.png"
+    np.testing.assert_allclose(shown.rendered, expected, atol=0.02)
+    assert shown.psnr_db == pytest.approx(compare_person("", view, expected.astype(np.float32)).psnr_db, abs=0.02)
+
+
+def test_checkpoint_is_of_one_version_and_of_images_and_masks_as_they_were(
+    own_film: Path, coarse_body: Avatar, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    footage = read_footage(own_film)
+    fit = PersonFit(coarse_body, read_person(footage, 96), trajectory_of(footage), CONFIG)
+    identities = {_identity(footage, fit)}
+    assert _identity(footage, fit) in identities
+    for path in (footage.images[3], footage.masks[5]):
+        os.utime(path, ns=(0, 0))
+        identities.add(_identity(footage, fit))
+    monkeypatch.setattr(extract, "code_digest", lambda *_: "another version")
+    identities.add(_identity(footage, fit))
+    assert len(identities) == 4

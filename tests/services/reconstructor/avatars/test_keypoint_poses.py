@@ -12,7 +12,13 @@ from readygo.common.errors import AvatarError
 from readygo.common.messages import Motion
 from readygo.services.reconstructor.avatars.config import AvatarFitConfig
 from readygo.services.reconstructor.avatars.footage import read_views
-from readygo.services.reconstructor.avatars.keypoint_poses import KeypointPoses, fit_poses, mean_skeleton, pose_prior
+from readygo.services.reconstructor.avatars.keypoint_poses import (
+    KeypointPoses,
+    PoseFit,
+    fit_poses,
+    mean_skeleton,
+    pose_prior,
+)
 from readygo.services.reconstructor.avatars.keypoint_start import KeypointViews
 from readygo.services.reconstructor.avatars.keypoints import KEYPOINTS_FILE, read_keypoints
 
@@ -77,6 +83,22 @@ def test_exchanged_sides_are_repaired_in_some_frames_and_refused_in_most(
     most = dataclasses.replace(seen, keypoints=seen.keypoints.with_swapped(np.array([[True]])))
     with pytest.raises(AvatarError, match="exchanged in 30 of 30 frames: left must be the person's left"):
         fit_poses(most, [coarse_body], CONFIG)
+
+
+def test_sides_that_are_exchanged_wrongly_and_back_do_not_count(
+    seen: KeypointViews, coarse_body: Avatar, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wrong = np.arange(FRAMES) % 3 > 0
+    repair = PoseFit.repair_sides
+
+    def repair_sides(fit: PoseFit) -> None:
+        # What the start would leave behind in most frames.
+        fit._swap(np.repeat(wrong[:, None], len(seen.keypoints.names), axis=1))
+        assert fit.swapped_frames()[wrong].all()
+        repair(fit)
+
+    monkeypatch.setattr(PoseFit, "repair_sides", repair_sides)
+    assert fit_poses(seen, [coarse_body], CONFIG).notes == ()
 
 
 def test_other_units_and_other_orders_are_refused(seen: KeypointViews, coarse_body: Avatar) -> None:

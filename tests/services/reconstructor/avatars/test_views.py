@@ -1,5 +1,6 @@
 """Frames are cut out around the person; masks without exactly one whole person are refused."""
 
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,8 +9,16 @@ import numpy as np
 import pytest
 
 from readygo.common.errors import AvatarError
+from readygo.services.reconstructor.avatars import views
 from readygo.services.reconstructor.avatars.footage import read_footage
-from readygo.services.reconstructor.avatars.views import band_px, read_person, read_rgb, view_at
+from readygo.services.reconstructor.avatars.views import (
+    PersonMask,
+    band_px,
+    read_masks,
+    read_person,
+    read_rgb,
+    view_at,
+)
 from tests.services.reconstructor.frames.test_exif import exif
 
 
@@ -126,3 +135,43 @@ def test_images_are_read_as_they_lie_in_the_file_and_exif_does_not_turn_them(tmp
     rgb = read_rgb(tmp_path / "a.jpg", "image")
     assert rgb[:, :30].max() < 50
     assert rgb[:, 42:].min() > 200
+
+
+def test_part_of_a_mask_around_the_person_is_kept_and_gives_the_whole_one_back() -> None:
+    mask = np.zeros((300, 200), dtype=bool)
+    mask[150:300, 90:120] = True
+    kept = PersonMask.of_whole(mask)
+    assert kept.cut.size < 0.5 * mask.size
+    np.testing.assert_array_equal(kept.whole(), mask)
+    assert kept.is_cut_off
+    mask[299] = False
+    assert not PersonMask.of_whole(mask).is_cut_off
+    nothing = PersonMask.of_whole(np.zeros((30, 20), dtype=bool))
+    assert nothing.whole().shape == (30, 20)
+
+
+def test_single_mask_of_the_other_kind_is_taken_as_the_others_are(own_film: Path) -> None:
+    footage = read_footage(own_film)
+    cv2.imwrite(str(footage.masks[2]), 255 - cv2.imread(str(footage.masks[2])))
+    masks, _ = read_masks(footage.masks, footage.sizes_px)
+    for path, mask in zip(footage.masks, masks, strict=True):
+        np.testing.assert_array_equal(mask.whole(), cv2.imread(str(path))[:, :, 0] > 127)
+
+
+def test_frames_are_held_small_where_photos_are_large(plain_film: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    footage, side = read_footage(plain_film), 768
+    large = replace(footage, sizes_px=np.full_like(footage.sizes_px, side))
+
+    def read_large(path: Path, what: str) -> np.ndarray:
+        pixels = np.zeros((side, side, 3), dtype=np.uint8)
+        pixels[60:720, 60:720] = 255
+        return pixels
+
+    monkeypatch.setattr(views, "read_rgb", read_large)
+    tracemalloc.start()
+    person = read_person(large, 96)
+    _, peak_bytes = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert max(rgb.shape[0] for rgb in person.rgb) <= 96
+    # Of the photos one is held at its size, of the masks all, a byte a pixel.
+    assert peak_bytes < len(person) * side**2 + 6 * 3 * side**2

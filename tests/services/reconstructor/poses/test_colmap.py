@@ -4,7 +4,6 @@ import cv2
 import numpy as np
 import pytest
 
-from readygo.common.errors import SceneError
 from readygo.services.reconstructor.poses.colmap import (
     build_maps,
     extract_features,
@@ -14,18 +13,16 @@ from readygo.services.reconstructor.poses.colmap import (
     model_files,
     pinhole_views,
     read_map,
-    write_undistorted,
-    write_undistorted_masks,
 )
 from readygo.services.reconstructor.poses.config import PosesConfig
 from readygo.services.reconstructor.poses.covariance import pose_errors
 from readygo.services.reconstructor.poses.intrinsics import Intrinsics, lens
-from tests.services.reconstructor.synthetic import some_similarity, synthetic_database
+from tests.services.reconstructor.synthetic import synthetic_database
 
 pycolmap = pytest.importorskip("pycolmap", reason="pycolmap is not installed")
 
 
-def test_map_is_read_moved_and_undistorted(tmp_path: Path) -> None:
+def test_map_is_read(tmp_path: Path) -> None:
     synthetic_database(tmp_path)
     model = find_model(tmp_path)
     assert model == tmp_path / "sparse"
@@ -37,11 +34,6 @@ def test_map_is_read_moved_and_undistorted(tmp_path: Path) -> None:
     rec = pycolmap.Reconstruction(model)
     camera = rec.find_image_with_name(images.names[view]).camera
     np.testing.assert_allclose(images.rays(view, camera.img_from_cam(seen[None])), [seen[:2] / seen[2]], atol=1e-6)
-    (tmp_path / "out").mkdir()
-    write_undistorted(model, tmp_path / "images", tmp_path / "out", some_similarity(), PosesConfig(threads=1))
-    again = read_map(tmp_path / "out" / "sparse" / "0")
-    np.testing.assert_allclose(again.T_world_camera, images.transform(some_similarity()).T_world_camera, atol=1e-6)
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"images", "sparse"}
 
 
 def test_map_is_found_from_matches(tmp_path: Path) -> None:
@@ -122,33 +114,6 @@ def test_ignored_pixels_have_no_features(tmp_path: Path) -> None:
         points = db.read_keypoints(db.read_all_images()[0].image_id)
     assert len(points) > 50
     assert points[:, 0].min() > 158
-
-
-def test_masks_are_undistorted_as_their_images_are(tmp_path: Path) -> None:
-    synthetic_database(tmp_path)
-    names = read_map(tmp_path / "sparse").names
-    mask = np.full((120, 160), 255, np.uint8)
-    cv2.circle(mask, (130, 30), 14, 0, -1)
-    for name in names:
-        path = tmp_path / "masks" / f"{name}.png"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        cv2.imwrite(str(path), mask)
-        cv2.imwrite(str(tmp_path / "images" / f"{name}.png"), cv2.merge([mask] * 3))
-        (tmp_path / "images" / f"{name}.png").rename(tmp_path / "images" / name)
-    (tmp_path / "out").mkdir()
-    write_undistorted(
-        tmp_path / "sparse", tmp_path / "images", tmp_path / "out", some_similarity(), PosesConfig(threads=1)
-    )
-    write_undistorted_masks(tmp_path / "sparse", tmp_path / "masks", tmp_path / "out")
-    for name in names:
-        flat = cv2.imread(str(tmp_path / "out" / "masks" / f"{name}.png"), cv2.IMREAD_UNCHANGED)
-        shown = cv2.imread(str(tmp_path / "out" / "images" / name), cv2.IMREAD_GRAYSCALE)
-        assert flat.shape == shown.shape
-        assert set(np.unique(flat)) <= {0, 255}
-        assert ((flat > 0) == (shown > 127)).mean() > 0.99
-    cv2.imwrite(str(tmp_path / "masks" / f"{names[0]}.png"), mask[:60])
-    with pytest.raises(SceneError, match="is 160x60 px, its image 160x120 px"):
-        write_undistorted_masks(tmp_path / "sparse", tmp_path / "masks", tmp_path / "out")
 
 
 def test_views_of_one_place_are_a_rig_with_known_rotations_and_one_lens(tmp_path: Path) -> None:

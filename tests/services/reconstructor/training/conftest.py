@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from readygo.common.drawing.files import write_png
+from readygo.common.drawing.files import quantise, write_png
 from readygo.services.reconstructor.training import density, schedule, train
-from readygo.services.reconstructor.training.drawing import draw, leaves_of, planes_of, quantise
+from readygo.services.reconstructor.training.drawing import draw, leaves_of, planes_of
 from readygo.services.reconstructor.training.parameters import Gaussians, initial_gaussians
 from readygo.services.reconstructor.training.photos import Photo
 
@@ -31,7 +31,7 @@ def camera(number: int) -> Photo:
     T = np.eye(4)
     T[0, 3] = 0.12 * number - 0.3
     K = np.array([[FOCAL_PX, 0, SIZE_PX[1] / 2], [0, FOCAL_PX, SIZE_PX[0] / 2], [0, 0, 1]])
-    return Photo(number=number, rgb=np.zeros((3, *SIZE_PX), np.float32), K_px=K, T_world_camera=T)
+    return Photo(rgb=np.zeros((3, *SIZE_PX), np.float32), K_px=K, T_world_camera=T)
 
 
 @pytest.fixture

@@ -14,7 +14,6 @@ from readygo.services.reconstructor.training.drawing import (
     leaves_of,
     observe,
     planes_of,
-    quantise,
     view_gradients,
 )
 from readygo.services.reconstructor.training.parameters import Gaussians
@@ -118,9 +117,7 @@ def test_gaussians_behind_the_camera_are_not_observed() -> None:
     assert 0 < len(observe(leaves_of(gaussians), camera(2), 20.0)) < len(rows)
 
 
-def test_pictures_are_rounded_and_clipped() -> None:
-    planes = np.array([-0.5, 0.5, 2.0], dtype=np.float32).reshape(3, 1, 1)
-    np.testing.assert_array_equal(quantise(planes)[0, 0], [0, 128, 255])
+def test_picture_has_the_size_of_its_photo() -> None:
     assert planes_of(draw(leaves_of(true_gaussians()), camera(0), 0)).shape == (3, *SIZE_PX)
 
 

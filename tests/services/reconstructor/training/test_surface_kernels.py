@@ -14,7 +14,7 @@ from readygo.services.reconstructor.training.surface_kernels import (
 from readygo.services.reconstructor.training.surface_slopes import camera_numbers
 from tests.services.reconstructor.training.test_surface_slopes import SIZE_PX, K, photo, planes
 
-ONE, OTHER = photo(0, 0.0, 0.0), photo(1, 0.3, -0.08)
+ONE, OTHER = photo(0.0, 0.0), photo(0.3, -0.08)
 
 
 def depths(number: int) -> np.ndarray:

@@ -22,14 +22,14 @@ PATCHES = replace(NORMALS, normal=0.0, ncc=1.0)
 ALL = GeometryConfig(enabled=True, noise_px=3.0, patches_max=150)
 
 
-def photo(number: int, x_m: float, yaw_rad: float) -> Photo:
+def photo(x_m: float, yaw_rad: float) -> Photo:
     T = np.eye(4)
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)
     T[:3, :3] = [[c, 0, s], [0, 1, 0], [-s, 0, c]]
     T[0, 3] = x_m
     v, u = np.mgrid[:30, :40]
     waves = [0.5 + 0.3 * np.sin(0.4 * u + 0.3 * v + 2.0 * x_m + k) + 0.1 * np.cos(0.7 * v - k) for k in range(3)]
-    return Photo(number=number, rgb=np.array(waves, dtype=np.float32), K_px=K, T_world_camera=T)
+    return Photo(rgb=np.array(waves, dtype=np.float32), K_px=K, T_world_camera=T)
 
 
 def planes(view: Photo, seed: int) -> np.ndarray:
@@ -43,7 +43,7 @@ def planes(view: Photo, seed: int) -> np.ndarray:
 
 
 def views() -> tuple[PlaneView, PlaneView]:
-    one, other = photo(0, 0.0, 0.0), photo(1, 0.3, -0.08)
+    one, other = photo(0.0, 0.0), photo(0.3, -0.08)
     return PlaneView(photo=one, planes=planes(one, 0)), PlaneView(photo=other, planes=planes(other, 1))
 
 
@@ -107,7 +107,7 @@ def test_view_without_neighbour_has_the_loss_of_normals() -> None:
 
 def test_views_that_see_nothing_of_each_other_say_nothing() -> None:
     one, other = views()
-    turned = replace(other.photo, T_world_camera=photo(1, 0.3, np.pi).T_world_camera)
+    turned = replace(other.photo, T_world_camera=photo(0.3, np.pi).T_world_camera)
     alone, slopes, _ = surface_slopes(one, None, alpha(), ALL, np.random.default_rng(0))
     found, by_one, by_other = surface_slopes(
         one, PlaneView(photo=turned, planes=other.planes), alpha(), ALL, np.random.default_rng(0)

@@ -10,10 +10,10 @@ import pytest
 
 from readygo.common.arrays import Float32Array
 from readygo.common.camera.captured import CapturedViews
-from readygo.common.drawing.files import write_png
+from readygo.common.drawing.files import quantise, write_png
 from readygo.services.reconstructor.training import transients
 from readygo.services.reconstructor.training.config import DensityConfig, GaussiansConfig, preset
-from readygo.services.reconstructor.training.drawing import draw, leaves_of, planes_of, quantise
+from readygo.services.reconstructor.training.drawing import draw, leaves_of, planes_of
 from readygo.services.reconstructor.training.parameters import Gaussians
 from readygo.services.reconstructor.training.photos import Posed
 from readygo.services.reconstructor.training.progress import Tell, TrainingProgress

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from readygo.common.errors import ReadygoError
 from readygo.common.gaussians import concatenate
 from readygo.common.rasterizer.reference import rasterize_reference
 from tests.common.rasterizer.drawing import (
@@ -40,10 +41,22 @@ def test_batch_in_passes_has_the_bytes_of_single_images(make_cloud, camera, smal
         assert np.array_equal(images[k], rgb_of(single, poses[k], humans[k]))
 
 
-def test_too_many_tiles_and_bad_requests_are_refused(make_cloud, camera, small_avatar, human, rasterizer) -> None:
+def test_image_of_more_rows_than_tiles_can_be_numbered_looks_as_in_the_reference(
+    make_cloud, camera, rasterizer
+) -> None:
+    cloud, (T, K) = make_cloud(12), camera(-4.0, 0.0, 0.1, 16, 2048)
+    K[1, 1] = 60.0
+    image = rgb_of(rasterizer(cloud, [], K, 2048, 16, tile_height_px=8), T)
+    assert np.array_equal(image, rgb_of(rasterizer(cloud, [], K, 2048, 16, tile_height_px=32), T))
+    reference = rasterize_reference(cloud, T, K, 2048, 16).rgb
+    assert reference.max() > 0.3
+    assert np.abs(image - 255 * np.clip(reference, 0, 1)).max() < 2
+
+
+def test_too_large_images_and_bad_requests_are_refused(make_cloud, camera, small_avatar, human, rasterizer) -> None:
     K = camera(0, 0, 0, 32, 24)[1]
-    with pytest.raises(ValueError, match="limited to 255 tiles"):
-        rasterizer(make_cloud(5), [], K, 4096, 4096, tile_width_px=8)
+    with pytest.raises(ReadygoError, match="up to 8160 px a side"):
+        rasterizer(make_cloud(5), [], K, 24, 8192)
     small = rasterizer(make_cloud(5), [small_avatar], K, 24, 32)
     with pytest.raises(ValueError, match="outputs must be names"):
         images_of(small, np.eye(4), outputs=("colour",))
