@@ -16,7 +16,6 @@ from readygo.common.dataset.schemas import Channel
 from readygo.common.episode import EpisodeConfig
 from readygo.common.messages import Split
 from readygo.common.robot import RobotConfig
-from readygo.common.robot.ranges import RobotRanges
 from readygo.runs.config import RunConfig
 from readygo.runs.scene_argument import open_scene
 from readygo.runs.spec import make_spec
@@ -108,10 +107,9 @@ def test_calibrations_are_those_of_the_shard_lens_and_all(tmp_path: Path) -> Non
     from readygo.apps.monitor.foxglove_sink import FoxgloveSink
 
     wide = CameraConfig(height_px=24, width_px=40, distortion="fisheye", k1=0.1)
-    left = CameraConfig(height_px=24, width_px=40, distortion="brown_conrady", k1=-0.1, p1=0.01, mount_yaw_deg=75.0)
-    ranges = RobotRanges(horizontal_fov_deg=(80.0, 110.0))
+    left = CameraConfig(height_px=24, width_px=40, distortion="brown_conrady", k1=-0.02, p1=0.01, mount_yaw_deg=75.0)
     config = RunConfig(
-        robot=RobotConfig(camera=wide, cameras={"left": left}, ranges=ranges),
+        robot=RobotConfig(camera=wide, cameras={"left": left}),
         episode=EpisodeConfig(goal_distance_max_m=4.0),
         renderer=RendererConfig(sensor=SensorConfig(k1=(-0.05, 0.05))),
     )
