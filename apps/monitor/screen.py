@@ -138,7 +138,8 @@ def _served_at(path: Path) -> Iterator[None]:
     except OSError as error:
         listener.close()
         raise RunError(f"Cannot make a socket at {path}: {error}; set TMPDIR to a folder with a short name.") from error
-    serve = websockets_server.serve
+    module: Any = websockets_server
+    serve = module.serve
     served = False
 
     def serve_at_socket(handler: Any, host: str, port: int, **settings: Any) -> Any:
@@ -146,11 +147,11 @@ def _served_at(path: Path) -> Iterator[None]:
         served = True
         return serve(handler, unix=True, sock=listener, **settings)
 
-    websockets_server.serve = serve_at_socket
+    module.serve = serve_at_socket
     try:
         yield
     finally:
-        websockets_server.serve = serve
+        module.serve = serve
         if not served:
             listener.close()
     assert served, "viser has another way to listen than before"
