@@ -23,7 +23,7 @@ demo: $(RUNTIME)  ## Run the whole job on the embedded scene; writes demo/report
 	$(BIN)/readygo demo
 
 test: $(DEV)  ## Run all tests, the longest files first; kernels are compiled before; the slowest 20 are named
-	$(BIN)/readygo warm
+	$(BIN)/readygo warm --states
 	$(BIN)/pytest -n $(TEST_WORKERS) --dist loadfile --no-loadscope-reorder --durations=20 --durations-min=1
 
 check: $(DEV)  ## Style, types, import rules, plain words, and a test for every module

@@ -1,6 +1,7 @@
 """Compilation of all kernels of the stages, before they are needed."""
 
 import importlib.metadata
+import itertools
 import math
 import platform
 from collections.abc import Callable, Iterator
@@ -21,11 +22,17 @@ from readygo.common.messages import (
     Scenario,
     Split,
 )
+from readygo.common.perception.noise import PERCEIVED
 from readygo.common.rasterizer.warm import warm as warm_rasterizer
+from readygo.common.state_simulation.bank import make_bank
+from readygo.common.state_simulation.simulation import StateSimulation
+from readygo.common.state_simulation.tracks import tracker_numbers
+from readygo.common.state_simulation.world import ObservationConfig
 from readygo.runs.config import RunConfig
 from readygo.runs.scenarios import accepted_scenarios
 from readygo.runs.scene_argument import open_scene
 from readygo.runs.spec import make_spec
+from readygo.runs.state_world import goal_distances, state_world
 from readygo.runs.world import World
 from readygo.services.animator import Animator, handle_animate
 from readygo.services.planner import HumanPlanner, handle_human_plan, handle_robot_plan
@@ -72,6 +79,16 @@ def warm_walking() -> None:
     start = np.array([*middle_m, 0.0])
     scenario = Scenario(episode=_episode(0), start_xyyaw=start, goal_xy_m=middle_m, humans=(walker,))
     handle_animate(animator, AnimateRequest(scenario=scenario))
+
+
+def warm_states() -> None:
+    """Drive a robot in the simulation in which policies on states learn; what `warm_all` compiles is needed."""
+    world = _embedded_world()
+    scenarios = accepted_scenarios(world.human_planner(), world.animator(), 0, Split.TRAIN, range(100))
+    observed, distances = state_world(world, ObservationConfig()), goal_distances(world)
+    bank = make_bank(list(itertools.islice(scenarios, 1)), distances, world.config.episode.human_count_max)
+    numbers = tracker_numbers(PERCEIVED, world.config.robot.clock)
+    StateSimulation(observed, bank, numbers, robot_count=1).advance(np.zeros((1, 2)))
 
 
 def _embedded_world() -> World:

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from readygo.common.state_simulation.simulation import StateSimulation
 from readygo.runs import warm
 
 
@@ -49,6 +50,20 @@ def test_first_episode_that_can_walk_is_driven_and_no_other(tmp_path: Path, monk
     monkeypatch.setattr(warm, "warm_all", lambda: driven.append("again"))
     warm.warm_once()
     assert "again" not in driven
+
+
+def test_robots_drive_in_the_simulation_of_states(monkeypatch: pytest.MonkeyPatch) -> None:
+    driven = []
+
+    class Simulation(StateSimulation):
+        def advance(self, commands, *, again=True):
+            ended = super().advance(commands, again=again)
+            driven.append(self.last.length.tolist())
+            return ended
+
+    monkeypatch.setattr(warm, "StateSimulation", Simulation)
+    warm.warm_states()
+    assert driven == [[4]]
 
 
 def test_kernels_are_compiled_once_however_many_workers_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
