@@ -9,6 +9,8 @@ from readygo.common.camera.config import CameraConfig
 from readygo.common.errors import PolicyError
 from readygo.common.perception import PerceptionSpec
 from readygo.common.robot import RobotConfig
+from readygo.services.trainer.checkpoint import read_state, write_state
+from readygo.services.trainer.config import CHECKPOINT_FILE
 from readygo.services.trainer.perception.config import PerceptionConfig
 from readygo.services.trainer.perception.looks import Looks
 from readygo.services.trainer.perception.train import METRICS_FILE, PerceptionRun, _moving_averages, perceive
@@ -65,6 +67,17 @@ def test_folder_of_other_data_or_settings_is_refused(tmp_path: Path, looks: Look
     with pytest.raises(PolicyError, match="another learning_rate"):
         PerceptionRun(looks, SPEC, config(16, learning_rate=1e-4), tmp_path, {"data": "x"})
     PerceptionRun(looks, SPEC, config(999), tmp_path, {"data": "x"})
+
+
+@pytest.mark.parametrize(
+    "changed", [{"net": {}}, {"optimizer": None}, {"averaged": {"module.free.bias": torch.ones(3)}}]
+)
+def test_damaged_checkpoint_is_refused(changed: dict[str, object], tmp_path: Path, looks: Looks) -> None:
+    PerceptionRun(looks, SPEC, config(16), tmp_path, {"data": "x"}).save()
+    path = tmp_path / CHECKPOINT_FILE
+    write_state(read_state(path) | changed, path)
+    with pytest.raises(PolicyError, match=r"checkpoint\.pt is damaged"):
+        PerceptionRun(looks, SPEC, config(16), tmp_path, {"data": "x"})
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device")
