@@ -41,8 +41,8 @@ from readygo.apps.terminal import PlainConsole
 from readygo.common.bus.identity import COORDINATOR
 from readygo.common.errors import RunError
 from readygo.runs.config import RunConfig
-from readygo.runs.folder import RunFolder
 from readygo.runs.sections import Keys, Sections, read_sections
+from readygo.runs.trained import check_out
 from readygo.services.evaluator import EpisodeRecord, EvaluateReply, summary_table
 from readygo.services.trainer import MINUTES
 
@@ -131,7 +131,7 @@ def learn(options: LearnOptions) -> None:
         raise RunError(f"--episodes must be at least 0, got {options.episodes}.")
     if options.minutes not in MINUTES:
         raise RunError(f"--minutes must be {MINUTES}, got {options.minutes:g}.")
-    RunFolder(options.out).check_other()
+    check_out(options.out)
     form = _form(options)
     if form == PERCEIVE:
         _learn_to_perceive(options)

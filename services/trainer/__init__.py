@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from readygo.common.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from readygo.services.trainer.config import CHECKPOINT_FILE as CHECKPOINT_FILE
     from readygo.services.trainer.config import MINUTES as MINUTES
     from readygo.services.trainer.config import RECIPES as RECIPES
     from readygo.services.trainer.config import NetworkConfig as NetworkConfig
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
 else:
     _NAMES = {
         ".config": (
+            "CHECKPOINT_FILE",
             "MINUTES",
             "RECIPES",
             "NetworkConfig",
