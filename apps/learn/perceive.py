@@ -104,6 +104,8 @@ class PerceivePlan:
     avatars: Path | None
     """Avatars that are varied for the data, and walk in the test."""
     seed: int
+    policy_on_states: bool = True
+    """Train a policy on states beside, where there is a second core."""
 
     @property
     def perception(self) -> Path:
@@ -294,7 +296,7 @@ def variants_of(minutes: float) -> int:
 
 def has_policy_on_states(plan: PerceivePlan) -> bool:
     """True if a policy on states is trained beside: on a separate core."""
-    return available_cores() > 1
+    return plan.policy_on_states and available_cores() > 1
 
 
 def workers_of(plan: PerceivePlan) -> int:

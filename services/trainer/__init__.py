@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from readygo.services.trainer.perception.looks import looks_of as looks_of
     from readygo.services.trainer.perception.train import PerceptionProgress as PerceptionProgress
     from readygo.services.trainer.perception.train import PerceptionRun as PerceptionRun
+    from readygo.services.trainer.pretrained import perception_weights as perception_weights
     from readygo.services.trainer.ranks import join_ranks as join_ranks
     from readygo.services.trainer.ranks import leave_ranks as leave_ranks
     from readygo.services.trainer.reinforcement.config import ReinforcementConfig as ReinforcementConfig
@@ -70,6 +71,7 @@ else:
             "PerceptionProgress",
             "PerceptionRun",
         ),
+        ".pretrained": ("perception_weights",),
         ".ranks": (
             "join_ranks",
             "leave_ranks",

@@ -317,6 +317,9 @@ def test_one_core_has_no_policy_on_states(tmp_path: Path, rl: list[list[str]], m
     monkeypatch.setattr(module, "available_cores", lambda: 3)
     assert module.has_policy_on_states(plan_of(tmp_path, "a", "b"))
     assert module.workers_of(plan_of(tmp_path, "a")) == 2
+    without = dataclasses.replace(plan_of(tmp_path, "a"), policy_on_states=False)
+    assert not module.has_policy_on_states(without)
+    assert module.workers_of(without) == 3
     monkeypatch.setattr(module, "available_cores", lambda: 1)
     assert not module.has_policy_on_states(plan_of(tmp_path, "a"))
     assert module.workers_of(plan_of(tmp_path, "a")) == 1
