@@ -22,8 +22,8 @@ from readygo.common.files import write_whole
 from readygo.runs.benchmark.folder import CELLS_FOLDER, BenchmarkManifest, read_manifest
 from readygo.runs.benchmark.suite import SUITES, OpenSuite, open_suite
 from readygo.runs.benchmark.weights import PARAMETERS, check_weights
-from readygo.runs.folder import RunFolder
 from readygo.runs.methods import CHECKPOINTS
+from readygo.runs.trained import check_out
 from readygo.services.evaluator import short_name
 
 PAGE_FILE, MARKDOWN_FILE = "leaderboard.html", "leaderboard.md"
@@ -55,7 +55,7 @@ class BenchmarkRunOptions:
 
 def benchmark_run(options: BenchmarkRunOptions) -> None:
     """Drive drivers through all cells of a suite; after an interruption the same command resumes."""
-    RunFolder(options.out).check_other()
+    check_out(options.out)
     suite = open_suite(options.suite)
     drive = SuiteDrive(
         suite=suite,

@@ -15,7 +15,7 @@ from readygo.apps.views.recorded import recorded_map
 from readygo.common.dataset import Dataset, recorded_clarity
 from readygo.common.drawing.files import write_png
 from readygo.common.files import write_whole
-from readygo.runs.folder import RunFolder
+from readygo.runs.trained import check_out
 
 PAGE_FILE, NUMBERS_FILE = "coverage.html", "coverage.json"
 MAP_FILE, SHARPNESS_FILE = "visits.png", "sharpness.png"
@@ -37,7 +37,7 @@ class CoverageOptions:
 
 def coverage(options: CoverageOptions) -> None:
     """Count where robots drove, which pedestrians they met and how they moved, and show it on one page."""
-    RunFolder(options.out).check_other()
+    check_out(options.out)
     dataset = Dataset([options.data])
     casts = casts_of(dataset)
     measured = measure(dataset, casts)

@@ -90,13 +90,15 @@ class DriveTopicOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class DrivePeopleOptions:
-    """Perception of people: beside the policy, or for the planner."""
+    """Perception of people and free space: beside the policy, or for the planner."""
 
     perception: Path | None = None
-    """Folder of a network from `readygo train --recipe perception`: it perceives people in the first camera's images,
-    ten times a second, and publishes them."""
+    """Folder of a network from `readygo train --recipe perception`: it perceives people and free distances in
+    the first camera's images, ten times a second, and publishes them."""
     people: str = "/people"
     """Topic of the people, people_msgs/People in the odometry's frame, with `perception`."""
+    scan: str = "/perception/scan"
+    """Topic of the free distances, LaserScan in the robot's frame, with `perception`."""
     driver: Literal["policy", "perceive-and-plan", "perceive-and-act"] = "policy"
     """"perceive-and-plan" drives without a policy: the planner drives on the map of `scene` among the people that
     `perception` sees. "perceive-and-act": a policy from `readygo rl` decides there instead."""
@@ -231,6 +233,7 @@ def _topics(options: DriveOptions, named: Mapping[str, str]) -> Topics:
         beside={name: topic for name, topic in named.items() if name != RGB},
         infos={name: topic for name, topic in infos.items() if name},
         people=options.beside.people if options.beside.perception else "",
+        scan=options.beside.scan if options.beside.perception else "",
     )
 
 

@@ -45,7 +45,6 @@ from readygo.runs.evaluation import (
     make_request,
     summarize,
 )
-from readygo.runs.folder import RunFolder
 from readygo.runs.method_files import method_hashes
 from readygo.runs.methods import (
     CHECKPOINTS,
@@ -58,6 +57,7 @@ from readygo.runs.options import WorldOptions
 from readygo.runs.origin import avatars_of_policy, check_unseen, unseen_avatars
 from readygo.runs.policy import policy_sha256
 from readygo.runs.spec import episode_count
+from readygo.runs.trained import check_out
 from readygo.runs.world import World
 from readygo.services.evaluator import (
     EpisodeRecord,
@@ -157,7 +157,7 @@ def evaluate(options: EvaluateOptions) -> None:
     trials, out = options.trials, options.out
     check_counts(1 if options.episodes is None else options.episodes, options.workers)
     if out is not None:
-        RunFolder(out).check_other()
+        check_out(out)
     if trials.from_logs is not None:
         if given := given_options(options, ("from_logs", "out", "json")):
             raise RunError(f"--from-logs takes all settings from the logs: leave out {', '.join(given)}.")

@@ -36,13 +36,13 @@ from readygo.apps.learn.supervise import Now
 from readygo.apps.monitor.beside import show_page
 from readygo.apps.options import given_options
 from readygo.apps.report.learn import write_report
-from readygo.apps.report.perception import write_perception_report
+from readygo.apps.report.perception import reason, write_perception_report
 from readygo.apps.terminal import PlainConsole
 from readygo.common.bus.identity import COORDINATOR
 from readygo.common.errors import RunError
 from readygo.runs.config import RunConfig
-from readygo.runs.folder import RunFolder
 from readygo.runs.sections import Keys, Sections, read_sections
+from readygo.runs.trained import check_out
 from readygo.services.evaluator import EpisodeRecord, EvaluateReply, summary_table
 from readygo.services.trainer import MINUTES
 
@@ -95,9 +95,9 @@ class LearnOptions:
     form: Literal["auto", "perceive", "paper", "policy"] = "auto"
     """What is learned: "perceive", a network that sees people and free space, with which a planner or a policy on
     states drives on the map; "policy", a policy from images to commands, without a map; "paper", both: half of the
-    time for "perceive", then a policy whose encoder is that network and whose teacher is the policy on states. "auto"
-    takes "perceive", which reaches more goals among people, unless an option or key is given that only policies
-    have."""
+    time for "perceive", then a policy whose encoder is that network and whose teacher is the policy on states
+    (`--learn.teacher expert`: the expert). "auto" takes "perceive", which reaches more goals among people, unless an
+    option or key is given that only policies have."""
     minutes: float = 60.0
     """Wall time of recording and training, including earlier calls [min]; training ends earlier if the policy
     stops improving. The test is not included."""
@@ -131,7 +131,7 @@ def learn(options: LearnOptions) -> None:
         raise RunError(f"--episodes must be at least 0, got {options.episodes}.")
     if options.minutes not in MINUTES:
         raise RunError(f"--minutes must be {MINUTES}, got {options.minutes:g}.")
-    RunFolder(options.out).check_other()
+    check_out(options.out)
     form = _form(options)
     if form == PERCEIVE:
         _learn_to_perceive(options)
@@ -239,9 +239,8 @@ def _learn_to_perceive(options: LearnOptions) -> None:
     console = PlainConsole(soft_wrap=True)
     _print_tables(console, learned.replies)
     report = options.out / "report.html"
-    console.print(
-        f"The network: {plan.perception}. It drives as the method {learned.method}: see {report}", markup=False
-    )
+    console.print(f"The network: {plan.perception}. It drives as the method {learned.method}.", markup=False)
+    console.print(f"{reason(perception_content(learned, plan.scenes))} All of it: {report}", markup=False)
 
 
 def _learn_as_the_paper(options: LearnOptions) -> None:

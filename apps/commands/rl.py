@@ -19,11 +19,11 @@ from readygo.common.messages import Split
 from readygo.common.perception.noise import EXACT, PERCEIVED
 from readygo.common.robot import load_robot
 from readygo.runs.config import RunConfig, load_run_config
-from readygo.runs.folder import RunFolder
 from readygo.runs.reinforcement import DrawShow, make_reinforcement_config, run_reinforcement, with_standing
 from readygo.runs.scene_argument import open_scenes
 from readygo.runs.sections import Keys, Sections
 from readygo.runs.spec import make_spec
+from readygo.runs.trained import check_out
 from readygo.runs.world import World
 from readygo.services.planner import MixName
 from readygo.services.trainer import MINUTES, ReinforcementConfig
@@ -72,7 +72,7 @@ class RlOptions:
 
 def rl(options: RlOptions) -> None:
     """Train a policy by reinforcement (PPO) in some scenes, without images; run again to resume."""
-    RunFolder(options.out).check_other()
+    check_out(options.out, resumes=True)
     minutes = _minutes(options)
     if options.workers < 0:
         raise RunError(f"--workers must be at least 0, got {options.workers}.")

@@ -21,12 +21,12 @@ from readygo.common.dataset import Dataset
 from readygo.common.errors import ConfigError
 from readygo.common.robot import RobotConfig
 from readygo.runs.evaluation import closed_loop
-from readygo.runs.folder import RunFolder
 from readygo.runs.methods import NETWORKS, PERCEPTION
 from readygo.runs.origin import note_origin, origin_of_data
 from readygo.runs.perception import train_perception
 from readygo.runs.scene_argument import open_scene
 from readygo.runs.sections import Keys, Sections, with_file, with_keys
+from readygo.runs.trained import check_out
 from readygo.runs.training import (
     default_recipe,
     make_config,
@@ -127,7 +127,7 @@ class TrainOptions:
 
 def train(options: TrainOptions) -> None:
     """Train a policy on recorded episodes; run again to resume, or with more minutes or samples to train longer."""
-    RunFolder(options.out).check_other()
+    check_out(options.out, resumes=True)
     if options.recipe in NETWORKS:
         _train_network(options.recipe, options)
         return

@@ -45,6 +45,8 @@ class OdometryMessage:
     w_radps: float
     frame: str = "odom"
     """Name of the frame of the pose."""
+    robot_frame: str = "base_link"
+    """Name of the robot's frame, whose pose it is."""
 
     def at(self, stamp_ns: int) -> "OdometryMessage":
         """The message with another time."""
@@ -78,6 +80,26 @@ class PeopleMessage:
     people: tuple[LivePerson, ...]
     frame: str = "odom"
     """Name of the frame of their places: the odometry's."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScanMessage:
+    """Free distances around the robot; it is sent, not received."""
+
+    stamp_ns: int
+    """Capture time of the image that they were perceived in, by the robot's clock [ns]."""
+    angle_min_rad: float
+    """Direction of the first ray from the robot's x axis to the left [rad]."""
+    angle_increment_rad: float
+    """From one ray to the next one to its left [rad]."""
+    range_max_m: float
+    """Largest range [m]."""
+    period_s: float
+    """Time between two scans [s]."""
+    ranges_m: tuple[float, ...]
+    """Free distances from the robot's centre [m]; inf beyond `range_max_m`, NaN where nothing is known."""
+    frame: str = "base_link"
+    """Name of the robot's frame."""
 
 
 STAMP_MAX_NS = 2**31 * 10**9
@@ -125,8 +147,8 @@ class Codec(Protocol):
 
         Args:
             type_name: One of `ros_codec`'s types.
-            value: A `Value`, or a `PeopleMessage`; for a picture its pixels, as returned by `ImageMessage.decode`, or
-                its `Encoded` bytes.
+            value: A `Value`, a `PeopleMessage` or a `ScanMessage`; for a picture its pixels, as returned by
+                `ImageMessage.decode`, or its `Encoded` bytes.
             stamp_ns: Time of the message [ns].
         """
         ...

@@ -1,11 +1,12 @@
-"""People around a robot, perceived in its images beside the policy that drives."""
+"""People and free distances around a robot, perceived in its images beside the policy that drives."""
 
 import math
 
 import numpy as np
 
 from readygo.apps.drive.calibration import Rectifier
-from readygo.apps.drive.messages import ImageMessage, OdometryMessage, PeopleMessage
+from readygo.apps.drive.free_space import scan_of
+from readygo.apps.drive.messages import ImageMessage, OdometryMessage, PeopleMessage, ScanMessage
 from readygo.common.camera import CameraConfig
 from readygo.common.frames import wrap_angle
 from readygo.common.perception import PeopleTracker, Perceived, Perception
@@ -48,7 +49,7 @@ class PeopleFinder:
         self._odometry = odometry.at(stamp_ns)
         self._memory.move(stamp_ns, (odometry.x_m, odometry.y_m, self._yaw_rad))
 
-    def look(self, picture: ImageMessage, arrived_ns: int) -> PeopleMessage | None:
+    def look(self, picture: ImageMessage, arrived_ns: int) -> tuple[PeopleMessage, ScanMessage] | None:
         """Process an image of the first camera.
 
         Args:
@@ -56,7 +57,7 @@ class PeopleFinder:
             arrived_ns: Its arrival [ns].
 
         Returns:
-            The tracked people at the image's time; None if this image is not looked at.
+            The tracked people and the free distances at the image's time; None if this image is not looked at.
         """
         stamp_ns, odometry = picture.stamp_ns or arrived_ns, self._odometry
         since_s = (stamp_ns - self._looked_ns) / 1e9
@@ -75,7 +76,8 @@ class PeopleFinder:
         pose, camera = self._memory.pose_at(stamp_ns), self._perception.spec.robot.camera
         self._tracker.fuse(pose, perceived.people, lambda x, y: shows(perceived, camera, pose, x, y))
         people = tuple(map(tracked_person, self._tracker.known))
-        return PeopleMessage(stamp_ns=stamp_ns, frame=odometry.frame, people=people)
+        scan = scan_of(perceived.rays_m, camera, stamp_ns=stamp_ns, frame=odometry.robot_frame)
+        return PeopleMessage(stamp_ns=stamp_ns, frame=odometry.frame, people=people), scan
 
 
 def shows(perceived: Perceived, camera: CameraConfig, pose: tuple[float, float, float], x_m: float, y_m: float) -> bool:

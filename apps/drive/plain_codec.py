@@ -1,5 +1,6 @@
 """Messages for robots without ROS: MessagePack maps, described in docs/robots.md."""
 
+import dataclasses
 from collections.abc import Mapping
 from functools import partial
 from typing import Any
@@ -23,6 +24,7 @@ from readygo.apps.drive.ros_codec import (
     IMAGE_TYPE,
     OUTCOME_TYPE,
     PEOPLE_TYPE,
+    SCAN_TYPE,
     STAMPED_TWIST_TYPE,
     TWIST_TYPE,
 )
@@ -83,6 +85,8 @@ def _fields(type_name: str, value: Any) -> dict[str, Any]:
         return {"outcome": value}
     if type_name == PEOPLE_TYPE:
         return {"frame": value.frame, "people": [_person(person) for person in value.people]}
+    if type_name == SCAN_TYPE:
+        return dataclasses.asdict(value)
     numbers: dict[str, tuple[str, ...]] = {
         ODOMETRY_TYPE: ("x_m", "y_m", "yaw_rad", "v_mps", "w_radps"),
         GOAL_TYPE: ("x_m", "y_m"),
@@ -110,8 +114,8 @@ def _person(person: LivePerson) -> dict[str, Any]:
 
 
 def _value(type_name: str, fields: Mapping[str, Any]) -> Value:
-    if type_name == PEOPLE_TYPE:
-        raise ValueError("people are sent, not received")
+    if type_name in (PEOPLE_TYPE, SCAN_TYPE):
+        raise ValueError("people and scans are sent, not received")
     if type_name in (IMAGE_TYPE, COMPRESSED_TYPE):
         encoding, data, encoded = str(fields["encoding"]), fields["data"], None
         if not isinstance(data, bytes):
@@ -138,11 +142,8 @@ def _value(type_name: str, fields: Mapping[str, Any]) -> Value:
     if type_name in (TWIST_TYPE, STAMPED_TWIST_TYPE):
         return VelocityMessage(v_mps=float(fields["v_mps"]), w_radps=float(fields["w_radps"]))
     names = ("x_m", "y_m", "yaw_rad", "v_mps", "w_radps")
-    return OdometryMessage(
-        stamp_ns=int(fields.get("stamp_ns", 0)),
-        frame=str(fields.get("frame", "odom")),
-        **{name: float(fields[name]) for name in names},
-    )
+    numbers: dict[str, Any] = {name: float(fields[name]) for name in names}
+    return OdometryMessage(stamp_ns=int(fields.get("stamp_ns", 0)), frame=str(fields.get("frame", "odom")), **numbers)
 
 
 def _pixels(encoding: str, data: bytes, size_px: tuple[int, int]) -> AnyArray:

@@ -7,13 +7,21 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from readygo.apps.drive.messages import GoalMessage, ImageMessage, OdometryMessage, PeopleMessage, VelocityMessage
+from readygo.apps.drive.messages import (
+    GoalMessage,
+    ImageMessage,
+    OdometryMessage,
+    PeopleMessage,
+    ScanMessage,
+    VelocityMessage,
+)
 from readygo.apps.drive.ros_codec import (
     COMPRESSED_TYPE,
     GOAL_TYPE,
     IMAGE_TYPE,
     OUTCOME_TYPE,
     PEOPLE_TYPE,
+    SCAN_TYPE,
     STAMPED_TWIST_TYPE,
     TWIST_TYPE,
 )
@@ -54,6 +62,8 @@ class Topics:
     """CameraInfo topics of the cameras besides the first one, by name."""
     people: str = ""
     """Topic that people are published on."""
+    scan: str = ""
+    """Topic that free distances are published on."""
 
     def heard(self) -> list[tuple[str, tuple[str, ...]]]:
         """Topics to subscribe to, each with its possible types."""
@@ -106,9 +116,12 @@ class Robot:
             number = len(topics.heard()) + 1
             types = (TWIST_TYPE, STAMPED_TWIST_TYPE)
             self._commands = _Commands(TopicPublisher(session, wire, topics.command, types, number))
-        self._people: TopicPublisher | None = None
-        if topics.people:
-            self._people = TopicPublisher(session, wire, topics.people, (PEOPLE_TYPE,), len(topics.heard()) + 2)
+        self._perceived: dict[str, TopicPublisher] = {}
+        """Publishers of what is perceived, by their types."""
+        perceived = ((PEOPLE_TYPE, topics.people), (SCAN_TYPE, topics.scan))
+        for number, (kind, topic) in enumerate(perceived, start=len(topics.heard()) + 2):
+            if topic:
+                self._perceived[kind] = TopicPublisher(session, wire, topic, (kind,), number)
 
     def check_topics(self) -> str:
         """Empty if the robot's base subscribes to commands; else an error text with the topics that exist."""
@@ -151,11 +164,13 @@ class Robot:
             self._commands.send(command)
         self.listen(self._topics.command, TWIST_TYPE, command, time.time_ns())
 
-    def tell(self, people: PeopleMessage) -> None:
-        """Publish people, also in a dry run; `listen` gets them as well."""
-        if self._people is not None:
-            self._people.put(self._people.write(people, people.stamp_ns))
-            self.listen(self._topics.people, PEOPLE_TYPE, people, time.time_ns())
+    def tell(self, people: PeopleMessage, scan: ScanMessage) -> None:
+        """Publish what is perceived, also in a dry run; `listen` gets it as well."""
+        told = ((PEOPLE_TYPE, self._topics.people, people), (SCAN_TYPE, self._topics.scan, scan))
+        for kind, topic, message in told:
+            if (publisher := self._perceived.get(kind)) is not None:
+                publisher.put(publisher.write(message, message.stamp_ns))
+                self.listen(topic, kind, message, time.time_ns())
 
     def close(self) -> None:
         """Stop the robot, and close the session."""

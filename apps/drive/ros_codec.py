@@ -13,6 +13,7 @@ from readygo.apps.drive.messages import (
     ImageMessage,
     OdometryMessage,
     PeopleMessage,
+    ScanMessage,
     Value,
     VelocityMessage,
     check_numbers,
@@ -34,7 +35,9 @@ from readygo.common.messages.live import LivePerson
 IMAGE_TYPE, COMPRESSED_TYPE = IMAGE_TYPES
 TWIST_TYPE, STAMPED_TWIST_TYPE = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
 GOAL_TYPE, OUTCOME_TYPE = "geometry_msgs/msg/PoseStamped", "std_msgs/msg/String"
-PEOPLE_TYPE = "people_msgs/msg/People"
+PEOPLE_TYPE, SCAN_TYPE = "people_msgs/msg/People", "sensor_msgs/msg/LaserScan"
+_SENT = (PEOPLE_TYPE, SCAN_TYPE)
+"""Types that are only sent."""
 _DEFINITIONS = {
     "people_msgs/msg/Person": """string name
 geometry_msgs/Point position
@@ -79,6 +82,7 @@ class RosCodec:
             GOAL_TYPE: self._goal,
             OUTCOME_TYPE: lambda outcome, _: self._types[OUTCOME_TYPE](data=outcome),
             PEOPLE_TYPE: self._people,
+            SCAN_TYPE: self._scan,
         }
 
     def type_hash(self, type_name: str) -> str:
@@ -91,7 +95,7 @@ class RosCodec:
 
     def read(self, type_name: str, payload: bytes) -> Value:
         """Decode a message; raises ValueError if it is invalid."""
-        if type_name not in self._writers or type_name == PEOPLE_TYPE:
+        if type_name not in self._writers or type_name in _SENT:
             raise ValueError(f"messages of type {type_name} are not known")
         try:
             message = self._store.deserialize_cdr(payload, type_name)
@@ -145,7 +149,7 @@ class RosCodec:
         pose = self._pose(odometry.x_m, odometry.y_m, odometry.yaw_rad)
         return self._types[ODOMETRY_TYPE](
             header=self._header(stamp_ns, odometry.frame),
-            child_frame_id="base_link",
+            child_frame_id=odometry.robot_frame,
             pose=self._types["geometry_msgs/msg/PoseWithCovariance"](pose=pose, covariance=np.zeros(36)),
             twist=self._types["geometry_msgs/msg/TwistWithCovariance"](
                 twist=self._twist(odometry), covariance=np.zeros(36)
@@ -171,6 +175,21 @@ class RosCodec:
             reliability=person.presence,
             tagnames=list(PERSON_TAGS),
             tags=tags,
+        )
+
+    def _scan(self, scan: ScanMessage, stamp_ns: int) -> Any:
+        last = len(scan.ranges_m) - 1
+        return self._types[SCAN_TYPE](
+            header=self._header(stamp_ns, scan.frame),
+            angle_min=scan.angle_min_rad,
+            angle_max=scan.angle_min_rad + last * scan.angle_increment_rad,
+            angle_increment=scan.angle_increment_rad,
+            time_increment=0.0,
+            scan_time=scan.period_s,
+            range_min=0.0,
+            range_max=scan.range_max_m,
+            ranges=np.array(scan.ranges_m, np.float32),
+            intensities=np.empty(0, np.float32),
         )
 
     def _camera_info(self, camera: LogCamera, stamp_ns: int) -> Any:
@@ -228,6 +247,7 @@ def _odometry_of(message: Any, stamp_ns: int) -> OdometryMessage:
         v_mps=message.twist.twist.linear.x,
         w_radps=message.twist.twist.angular.z,
         frame=message.header.frame_id or "odom",
+        robot_frame=message.child_frame_id or "base_link",
     )
 
 

@@ -74,7 +74,7 @@ def run_trial(
         pilot: Pilot that drives.
         rate_hz: Lowest rate of commands [Hz].
         say: Called with a line of text when the robot waits, and when it drives again.
-        people: Perceives people in the same images; they are published after the command is sent.
+        people: Perceives people and free distances in the same images; they are published after the command is sent.
         measures: Measurements to continue and return, which are there after an error as well; new ones by default.
 
     Raises:
@@ -107,7 +107,7 @@ def run_trial(
 
 
 def _step(robot: Robot, pilot: Pilot, measures: Measures, until_s: float, people: PeopleFinder | None = None) -> None:
-    """Wait for an image or until a time, then send a command, and publish the people in the image."""
+    """Wait for an image or until a time, then send a command, and publish what is seen in the image."""
     newest = robot.next_picture(until_s)
     begin_ns = time.monotonic_ns()
     for odometry, arrived_ns in robot.odometry():
@@ -133,7 +133,7 @@ def _step(robot: Robot, pilot: Pilot, measures: Measures, until_s: float, people
         if saw:
             measures.latencies_ms.append((time.monotonic_ns() - pilot.seen_arrived_ns) / 1e6)
     if people is not None and newest is not None and (found := people.look(*newest)) is not None:
-        robot.tell(found)
+        robot.tell(*found)
 
 
 def _not_there(robot: Robot, pilot: Pilot) -> str:

@@ -11,6 +11,7 @@ from readygo.runs.sections import with_file
 from readygo.services.trainer import NetworkConfig
 
 GoalName = Literal["point", "image", "both"]
+TeacherName = Literal["rl", "expert"]
 Share = Annotated[float, Range(low=0.0, high=1.0)]
 
 
@@ -36,6 +37,9 @@ class LearnConfig:
     memory: int | None = None
     """Numbers of the policy's memory, as in `NetworkConfig.memory_count`; by default as its recipe has it, and none
     in the form "paper"."""
+    teacher: TeacherName = "rl"
+    """What labels the samples: "rl", the policy on states that the form "paper" trains first or that `--teacher` names,
+    and the expert where neither is there; "expert", always the expert, and "paper" trains no policy on states."""
 
     def __post_init__(self) -> None:
         check_ranges(self)
@@ -43,7 +47,13 @@ class LearnConfig:
         if self.goal != "point" and self.images != (RGB,):
             raise ValueError(f'goal "{self.goal}" goes with the rgb of one camera, got images {list(self.images)}.')
         if self.memory is not None:
-            NetworkConfig(goal=self.goal, memory_count=self.memory)
+            self._check_memory(self.memory)
+
+    def _check_memory(self, memory: int) -> None:
+        try:
+            NetworkConfig(goal=self.goal, memory_count=memory)
+        except ValueError as error:
+            raise ValueError(str(error).replace("memory_count", "memory")) from error
 
 
 def load_learn_config(path: Path | None) -> LearnConfig:

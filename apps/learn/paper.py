@@ -61,6 +61,7 @@ def first_plan(
         minutes=FIRST_SHARE * minutes,
         avatars=avatars,
         seed=seed,
+        policy_on_states=learn.teacher == "rl",
     )
     if not (out / STATE).exists():
         check_new_folder(out)
@@ -81,9 +82,9 @@ def policy_keys(keys: Keys, config: Path | None) -> Keys:
 
 
 def teacher_of(first: PerceivePlan) -> Path | None:
-    """Folder of the policy on states that the first part left; None if it left none, and the expert teaches."""
+    """Folder of the policy on states that the first part left; None if it left none or the expert is to teach."""
     folder = first.out / RL
-    return folder if is_state_policy(folder) else None
+    return folder if first.policy_on_states and is_state_policy(folder) else None
 
 
 def minutes_after(first: PerceivePlan, minutes: float) -> float:

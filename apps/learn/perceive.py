@@ -21,6 +21,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -103,6 +104,8 @@ class PerceivePlan:
     avatars: Path | None
     """Avatars that are varied for the data, and walk in the test."""
     seed: int
+    policy_on_states: bool = True
+    """Train a policy on states beside, where there is a second core."""
 
     @property
     def perception(self) -> Path:
@@ -263,14 +266,16 @@ def _learn(
         for name, scene in zip(names, plan.scenes, strict=True)
         for end, config in mixes.items()
     ]
-    with _reinforcement(plan, lock) as finish:
+    with _reinforcement(plan, lock) as check_policy:
         for scene, folder, config in recorded:
+            check_policy()
             budget_s = 60.0 * plan.minutes * RECORD_SHARE / len(recorded)
             spec = make_spec(open_scene(scene), plan.people, config, seed=plan.seed, split=Split.TRAIN, static=False)
             _record(plan, with_expert(spec), folder, budget_s, state, show)
+        check_policy()
         metrics = _train(plan, [plan.out / "data" / folder for _, folder, _ in recorded], state, show)
         show(Step(name="reinforcement", fraction=1.0, words="waiting for the policy on states"))
-        finish()
+        check_policy(wait=True)
     val = _choose(plan, state, show) if episodes else {}
     method = max(DRIVERS, key=lambda name: val.get(name, -1.0)) if val else PERCEIVE_AND_PLAN
     replies = {
@@ -291,7 +296,7 @@ def variants_of(minutes: float) -> int:
 
 def has_policy_on_states(plan: PerceivePlan) -> bool:
     """True if a policy on states is trained beside: on a separate core."""
-    return available_cores() > 1
+    return plan.policy_on_states and available_cores() > 1
 
 
 def workers_of(plan: PerceivePlan) -> int:
@@ -300,14 +305,13 @@ def workers_of(plan: PerceivePlan) -> int:
 
 
 @contextmanager
-def _reinforcement(plan: PerceivePlan, lock: int) -> Iterator[Callable[[], None]]:
-    """Train a policy on states in another process; yields the function that waits for its end.
+def _reinforcement(plan: PerceivePlan, lock: int) -> Iterator[Callable[..., None]]:
+    """Train a policy on states in another process; yields `_check_policy` of it.
 
-    What it says is in RUN/rl.log. If it fails, the run goes without it. It inherits the lock: where this process is
-    killed, the run is not resumed beside it.
+    Its output is in RUN/rl.log. It inherits the lock: where this process is killed, the run is not resumed beside it.
     """
     if not has_policy_on_states(plan):
-        yield lambda: None
+        yield lambda **_: None
         return
     episodes, lessons = (max(20, min(int(each * plan.minutes), most)) for each, most in (RL_EPISODES, RL_LESSONS))
     command = [
@@ -319,18 +323,30 @@ def _reinforcement(plan: PerceivePlan, lock: int) -> Iterator[Callable[[], None]
         *(("--avatars", str(plan.avatars)) if plan.avatars else ()),
     ]
     one = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")}
-    with (plan.out / "rl.log").open("ab") as log:
+    path = plan.out / "rl.log"
+    with path.open("ab") as log:
         process = subprocess.Popen(command, stdout=log, stderr=log, env={**os.environ, **one}, pass_fds=(lock,))
         try:
-            yield lambda: _wait(process)
+            yield partial(_check_policy, process, path)
         finally:
             if process.poll() is None:
                 process.terminate()
                 process.wait()
 
 
-def _wait(process: "subprocess.Popen[bytes]") -> None:
-    process.wait()
+def _check_policy(process: "subprocess.Popen[bytes]", log: Path, *, wait: bool = False) -> None:
+    """Raise RunError with the last line of its output if the training of the policy on states failed.
+
+    Args:
+        process: The training.
+        log: Its output.
+        wait: Wait for its end.
+    """
+    code = process.wait() if wait else process.poll()
+    if not code:
+        return
+    said = ["no message", *log.read_text(errors="replace").splitlines()][-1].removeprefix("readygo: ")
+    raise RunError(f"The policy on states was not trained (exit code {code}, {log}): {said}")
 
 
 def _choose(plan: PerceivePlan, state: dict[str, Any], show: Show) -> dict[str, float]:

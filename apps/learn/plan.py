@@ -25,11 +25,12 @@ from readygo.runs.scene_argument import open_scenes
 from readygo.runs.sections import NO_KEYS, Keys, with_keys
 from readygo.runs.spec import make_spec
 from readygo.runs.teacher import with_teacher
+from readygo.runs.training import torch_needed
 from readygo.runs.world import World
 from readygo.services.driver import DriverConfig
 from readygo.services.planner import HumanPlannerConfig, handle_human_plan
 from readygo.services.renderer import RendererConfig
-from readygo.services.trainer import SamplingConfig, chosen_images
+from readygo.services.trainer import RECIPES, SamplingConfig, chosen_images, with_overrides
 
 FORMAT = "readygo-learn/1"
 LOCK_FILE = ".lock"
@@ -208,13 +209,13 @@ def learn_configs(
 
 
 def _check_perception(perception: Path, robot: RobotConfig, learn: LearnConfig) -> None:
-    """Raise ConfigError unless trained perception is whole and sees what the policy sees."""
+    """Raise ConfigError or PolicyError unless trained perception is whole and sees what the policy sees."""
     if (learn.images, learn.goal) != ((RGB,), "point"):
         raise ConfigError('--perception goes with the rgb of one camera and goal "point".')
-    if not (perception / WEIGHTS_FILE).is_file():
-        raise ConfigError(f"{perception} has no {WEIGHTS_FILE}; train perception again.")
-    if load_perception_spec(perception).robot.camera != robot.camera:
-        raise ConfigError(f"{perception} perceives with another camera than the run's; train it with this camera.")
+    with torch_needed():
+        from readygo.services.trainer import perception_weights
+    spacing_s = load_perception_spec(perception).spacing_s
+    perception_weights(perception, robot, with_overrides(RECIPES["pretrained"](), frame_spacing_s=spacing_s))
 
 
 def _pictures_hz(robot: RobotConfig, spacing_s: float) -> float:
@@ -257,6 +258,7 @@ def make_plan(
 
     Raises:
         SceneError: If there is no such scene, or it has no room for humans.
+        ConfigError: If a teacher is given and the expert is to label.
         PolicyError: If the teacher cannot be used, or was trained for another robot.
         RunError: If `out` holds something else, or was begun with other scenes or settings.
     """
@@ -264,6 +266,8 @@ def make_plan(
         raise RunError(f"--minutes must be above 0, got {budget.minutes:g}.")
     if budget.samples is not None and budget.samples < 1:
         raise RunError(f"--samples must be at least 1, got {budget.samples}.")
+    if teacher is not None and learn.teacher == "expert":
+        raise ConfigError('--teacher gives a policy on states, and learn.teacher is "expert": leave one of them out.')
     places: list[LearnPlace] = []
     for scene, opened in zip(scenes, open_scenes(scenes), strict=True):
         spec = make_spec(opened, people or avatars, config, seed=seed, split=Split.TRAIN, static=False)

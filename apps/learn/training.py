@@ -11,6 +11,7 @@ from readygo.common.documents import read_json, write_toml
 from readygo.common.drawing.charts import Curve
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
+from readygo.common.perception.artifact import load_perception_spec
 from readygo.services.trainer import DECAY_FILE, PROGRESS_FILE, RECIPES, best_recipe, loss_curves, with_overrides
 
 _HISTORY = ("samples", "train_loss", "validation_loss")
@@ -111,7 +112,7 @@ def read_history(folder: Path) -> list[dict[str, Any]]:
 
 def write_trainer_config(plan: LearnPlan, threads: int) -> Path:
     """Write the trainer's settings, the plan's recipe with its budget; returns the file's path."""
-    budget = plan.budget
+    budget, perception = plan.budget, plan.perception
     config = with_overrides(
         RECIPES[plan.recipe](),
         minutes=float(budget.minutes),
@@ -122,7 +123,8 @@ def write_trainer_config(plan: LearnPlan, threads: int) -> Path:
         images=plan.learn.images,
         goal=plan.learn.goal,
         memory_count=plan.learn.memory,
-        perception=str(plan.perception.resolve()) if plan.perception else None,
+        perception=str(perception.resolve()) if perception else None,
+        frame_spacing_s=load_perception_spec(perception).spacing_s if perception else None,
     )
     path = plan.out / "trainer.toml"
     write_toml(path, section_to_mapping(config), raises=RunError)

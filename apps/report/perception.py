@@ -62,10 +62,7 @@ def perception_html(content: PerceptionContent) -> str:
 def reason(content: PerceptionContent) -> str:
     """Why the driver was chosen, in a sentence."""
     if not content.val:
-        return (
-            "There was no choice: no policy on states is there. It takes a second core and test episodes; "
-            "rl.log beside this page has what its training printed."
-        )
+        return "There was no choice: it takes test episodes, and a policy on states, which is trained on a second core."
     rates = ", ".join(f"{percent(rate)} by {name}" for name, rate in content.val.items())
     return f"Success among pedestrians on the split val: {rates}. A policy without a map: --form paper."
 

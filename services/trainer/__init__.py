@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from readygo.common.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from readygo.services.trainer.config import CHECKPOINT_FILE as CHECKPOINT_FILE
     from readygo.services.trainer.config import MINUTES as MINUTES
     from readygo.services.trainer.config import RECIPES as RECIPES
     from readygo.services.trainer.config import NetworkConfig as NetworkConfig
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from readygo.services.trainer.perception.looks import looks_of as looks_of
     from readygo.services.trainer.perception.train import PerceptionProgress as PerceptionProgress
     from readygo.services.trainer.perception.train import PerceptionRun as PerceptionRun
+    from readygo.services.trainer.pretrained import perception_weights as perception_weights
     from readygo.services.trainer.ranks import join_ranks as join_ranks
     from readygo.services.trainer.ranks import leave_ranks as leave_ranks
     from readygo.services.trainer.reinforcement.config import ReinforcementConfig as ReinforcementConfig
@@ -41,6 +43,7 @@ if TYPE_CHECKING:
 else:
     _NAMES = {
         ".config": (
+            "CHECKPOINT_FILE",
             "MINUTES",
             "RECIPES",
             "NetworkConfig",
@@ -68,6 +71,7 @@ else:
             "PerceptionProgress",
             "PerceptionRun",
         ),
+        ".pretrained": ("perception_weights",),
         ".ranks": (
             "join_ranks",
             "leave_ranks",

@@ -1,16 +1,18 @@
 """State of a training run on disk: plain tensors and numbers, nothing pickled is ever loaded."""
 
 import io
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import torch
 
-from readygo.common.errors import PolicyError
-from readygo.common.files import write_whole
+from readygo.common.errors import PolicyError, ReadygoError, cause
+from readygo.common.files import read_regular, write_whole
+from readygo.services.trainer.config import CHECKPOINT_FILE
 
 CHECKPOINT_FORMAT = "readygo-training/2"
-CHECKPOINT_FILE = "checkpoint.pt"
 
 
 def save_checkpoint(state: dict[str, Any], folder: Path) -> None:
@@ -19,10 +21,7 @@ def save_checkpoint(state: dict[str, Any], folder: Path) -> None:
     Raises:
         PolicyError: If it cannot be written; the one before is left then.
     """
-    # Into memory first: torch has its own words for a full disk.
-    buffer = io.BytesIO()
-    torch.save({"format": CHECKPOINT_FORMAT} | state, buffer)
-    write_whole(folder / CHECKPOINT_FILE, buffer.getvalue(), raises=PolicyError)
+    write_state({"format": CHECKPOINT_FORMAT} | state, folder / CHECKPOINT_FILE)
 
 
 def load_checkpoint(folder: Path, identity: dict[str, Any]) -> dict[str, Any] | None:
@@ -33,19 +32,69 @@ def load_checkpoint(folder: Path, identity: dict[str, Any]) -> dict[str, Any] | 
         identity: What must be the same as when the run began: data hashes and settings.
 
     Raises:
-        PolicyError: If the file is broken, or belongs to a run of another identity.
+        PolicyError: If the file is damaged, or belongs to a run of another identity.
     """
     path = folder / CHECKPOINT_FILE
     if not path.is_file():
         return None
-    try:
-        state: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
-    except Exception as error:  # torch raises many unrelated types for a broken file
-        reason = (str(error).splitlines() or ["broken file"])[0]
-        raise PolicyError(f"{path} cannot be read: {reason}; delete it to start again.") from error
-    if not isinstance(state, dict) or state.get("format") != CHECKPOINT_FORMAT:
-        raise PolicyError(f"{path} is no checkpoint of this version; delete it to start again.")
-    changed = sorted(key for key, value in identity.items() if state["identity"].get(key) != value)
+    state = read_state(path)
+    theirs = state.get("identity")
+    if state.get("format") != CHECKPOINT_FORMAT or not isinstance(theirs, dict):
+        raise PolicyError(f"{path} is no checkpoint of this version; give another --out.")
+    changed = sorted(key for key, value in identity.items() if theirs.get(key) != value)
     if changed:
-        raise PolicyError(f"{path} belongs to a run with another {changed[0]}; give another --out, or delete it.")
+        raise PolicyError(f"{path} belongs to a run with another {changed[0]}; give another --out.")
     return state
+
+
+def write_state(state: dict[str, Any], path: Path, *, raises: type[ReadygoError] = PolicyError) -> None:
+    """Write a training's state in one piece.
+
+    Args:
+        state: Plain tensors and numbers.
+        path: The file.
+        raises: What is raised if it cannot be written; the file before is left then.
+    """
+    # Into memory first: torch has its own words for a full disk.
+    buffer = io.BytesIO()
+    torch.save(state, buffer)
+    write_whole(path, buffer.getvalue(), raises=raises)
+
+
+def read_state(path: Path) -> dict[str, Any]:
+    """Read what `write_state` wrote.
+
+    Raises:
+        PolicyError: If the file cannot be read or is damaged.
+    """
+    try:
+        data = read_regular(path)
+    except OSError as error:
+        raise PolicyError(f"{path} cannot be read: {cause(error)}.") from error
+    try:
+        state = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
+    except Exception as error:  # torch raises many unrelated types for a damaged file
+        raise PolicyError(_damaged(path)) from error
+    if not isinstance(state, dict):
+        raise PolicyError(_damaged(path))
+    return state
+
+
+@contextmanager
+def refuse_damaged(path: Path) -> Iterator[None]:
+    """Report a state whose content cannot be used: keys are missing, or tensors have other shapes.
+
+    Args:
+        path: File of the state that the block takes over.
+
+    Raises:
+        PolicyError: If the block raises what such a content leads to.
+    """
+    try:
+        yield
+    except (AttributeError, IndexError, KeyError, RuntimeError, TypeError, ValueError) as error:
+        raise PolicyError(_damaged(path)) from error
+
+
+def _damaged(path: Path) -> str:
+    return f"{path} is damaged, or of another version: restore it from a copy, or give another --out."

@@ -9,6 +9,8 @@ from readygo.common.images.names import RGB
 from readygo.common.policy.sight import check_images
 from readygo.common.policy.windows import FRAME_COUNT
 
+CHECKPOINT_FILE = "checkpoint.pt"
+"""State of a training, beside what it writes."""
 PERCEPTION_WIDTHS, PERCEPTION_SPACING_S = (24, 40, 56, 88, 160), 0.2
 """Channels of the network of perception, and the time between the frames that it sees [s], unless others are given."""
 

@@ -17,8 +17,8 @@ from readygo.common.cores import available_cores
 from readygo.common.errors import PolicyError
 from readygo.common.policy import PolicySpec
 from readygo.common.robot import RobotConfig
-from readygo.services.trainer.checkpoint import CHECKPOINT_FILE, load_checkpoint, save_checkpoint
-from readygo.services.trainer.config import TrainConfig
+from readygo.services.trainer.checkpoint import load_checkpoint, refuse_damaged, save_checkpoint
+from readygo.services.trainer.config import CHECKPOINT_FILE, TrainConfig
 from readygo.services.trainer.export import export_policy
 from readygo.services.trainer.learner import Learner
 from readygo.services.trainer.parts import EpisodePart
@@ -274,21 +274,17 @@ class TrainRun:
         state = load_checkpoint(self.out, self._identity)
         if state is None:
             return
-        try:
+        with refuse_damaged(self.out / CHECKPOINT_FILE):
             self.learner.restore(state)
-        except (RuntimeError, ValueError) as error:
-            raise PolicyError(
-                f"The checkpoint in {self.out} is of another network; give another --out, or delete it."
-            ) from error
-        self.steps, self.samples_seen = state["counters"]
-        self.elapsed_s = self._saved_s = state["elapsed_s"]
-        self.schedule.decay_from = state["decay_from"]
-        # Checkpoints of earlier versions name neither budget nor episodes.
-        if (budget := state.get("budget", self._budget)) != self._budget:
-            self.schedule.rescale(self._share_of(*budget), self._share_spent())
-        self.history, self._losses, self.best = state["history"], state["losses"], state["best"]
-        if state.get("evaluated", self._evaluated) != self._evaluated:
-            self.best = {}
+            self.steps, self.samples_seen = state["counters"]
+            self.elapsed_s = self._saved_s = state["elapsed_s"]
+            self.schedule.decay_from = state["decay_from"]
+            # Checkpoints of earlier versions name neither budget nor episodes.
+            if (budget := state.get("budget", self._budget)) != self._budget:
+                self.schedule.rescale(self._share_of(*budget), self._share_spent())
+            self.history, self._losses, self.best = state["history"], state["losses"], state["best"]
+            if state.get("evaluated", self._evaluated) != self._evaluated:
+                self.best = {}
 
     def _clock(self) -> "BudgetClock":
         return BudgetClock(self)

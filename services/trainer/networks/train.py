@@ -2,7 +2,6 @@
 
 import copy
 import dataclasses
-import io
 import math
 import time
 from collections.abc import Callable
@@ -15,10 +14,10 @@ import torch
 
 from readygo.common.cores import available_cores
 from readygo.common.dataset import Dataset
-from readygo.common.errors import DatasetError, DiskError, PolicyError, first_line
-from readygo.common.files import write_whole
+from readygo.common.errors import DatasetError, DiskError, PolicyError
 from readygo.common.networks.checkpoint import load_network, save_network
 from readygo.common.networks.models import NETWORKS
+from readygo.services.trainer.checkpoint import read_state, refuse_damaged, write_state
 from readygo.services.trainer.networks.config import LEARNING_RATES, NetworkTrainConfig
 from readygo.services.trainer.networks.losses import PLACES, loss_of
 from readygo.services.trainer.networks.samples import Looks, NetworkBatch, Pictures, choose, looks_of, make_batch
@@ -169,14 +168,16 @@ def _begin(config: NetworkTrainConfig, path: Path, data: str) -> NetworkRun:
     network: Any = load_network(config.network, path) if path.exists() and not kept else NETWORKS[config.network]()
     rate = config.learning_rate or LEARNING_RATES[config.network]
     run = NetworkRun(network=network, optimizer=torch.optim.AdamW(network.parameters(), lr=rate))
-    if kept:
+    if config.network == "nomad":
+        run.averaged = copy.deepcopy(network)
+    if not kept:
+        return run
+    with refuse_damaged(_training_file(path)):
         network.load_state_dict(kept["network"])
         run.optimizer.load_state_dict(kept["optimizer"])
         run.samples, run.steps, run.spent_s = kept["samples"], kept["steps"], kept["spent_s"]
         run.losses = list(kept["losses"])
-    if config.network == "nomad":
-        run.averaged = copy.deepcopy(network)
-        if kept:
+        if run.averaged is not None:
             run.averaged.load_state_dict(kept["averaged"])
     return run
 
@@ -186,18 +187,15 @@ def _kept_samples(path: Path, config: NetworkTrainConfig, data: str) -> dict[str
     file = _training_file(path)
     if not file.exists():
         return {}
-    try:
-        kept: dict[str, Any] = torch.load(str(file), map_location="cpu", weights_only=True)
+    kept = read_state(file)
+    with refuse_damaged(file):
         theirs = kept["data"], kept["settings"]
-    except Exception as error:  # torch raises many kinds for what is no checkpoint
-        raise PolicyError(f"{file} cannot be read: {first_line(error)[:200]}; choose another --out.") from error
     if theirs != (data, _settings(config)):
         raise PolicyError(f"{file} is of a run with other data or settings; choose another --out.")
     return kept
 
 
 def _save(run: NetworkRun, config: NetworkTrainConfig, path: Path, data: str) -> None:
-    stream = io.BytesIO()
     state = {
         "data": data,
         "settings": _settings(config),
@@ -209,9 +207,8 @@ def _save(run: NetworkRun, config: NetworkTrainConfig, path: Path, data: str) ->
         "spent_s": run.spent_s,
         "losses": run.losses,
     }
-    torch.save(state, stream)
     save_network(run.best, path)
-    write_whole(_training_file(path), stream.getvalue(), raises=DiskError)
+    write_state(state, _training_file(path), raises=DiskError)
 
 
 def _training_file(path: Path) -> Path:

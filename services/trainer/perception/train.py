@@ -20,7 +20,8 @@ from readygo.common.errors import PolicyError
 from readygo.common.files import write_whole
 from readygo.common.perception.artifact import PerceptionSpec
 from readygo.common.perception.grid import polar_grid
-from readygo.services.trainer.checkpoint import load_checkpoint, save_checkpoint
+from readygo.services.trainer.checkpoint import load_checkpoint, refuse_damaged, save_checkpoint
+from readygo.services.trainer.config import CHECKPOINT_FILE
 from readygo.services.trainer.hardware import cpu_has_bf16, device_of
 from readygo.services.trainer.perception.config import PerceptionConfig
 from readygo.services.trainer.perception.export import export_perception
@@ -185,12 +186,13 @@ class PerceptionRun:
         state = load_checkpoint(self.out, self._identity)
         if state is None:
             return
-        self.net.load_state_dict(state["net"])
-        self.averaged.load_state_dict(state["averaged"])
-        self.optimizer.load_state_dict(state["optimizer"])
-        self.steps, self.samples_seen = state["steps"], state["samples_seen"]
-        self.elapsed_s, self.loss = state["elapsed_s"], state["loss"]
-        self._saved_s = self.elapsed_s
+        with refuse_damaged(self.out / CHECKPOINT_FILE):
+            self.net.load_state_dict(state["net"])
+            self.averaged.load_state_dict(state["averaged"])
+            self.optimizer.load_state_dict(state["optimizer"])
+            self.steps, self.samples_seen = state["steps"], state["samples_seen"]
+            self.elapsed_s, self.loss = state["elapsed_s"], state["loss"]
+            self._saved_s = self.elapsed_s
 
     def _draw(self, rng: np.random.Generator) -> Int64Array:
         """Images of a batch: `PEOPLE_SHARE` of them with people, as far as there are such."""

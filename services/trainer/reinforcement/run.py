@@ -23,7 +23,7 @@ from readygo.common.config import section_to_mapping
 from readygo.common.documents import write_json
 from readygo.common.drawing.charts import Curve, line_chart, write_chart
 from readygo.common.errors import PolicyError
-from readygo.common.files import write_then_rename, write_whole
+from readygo.common.files import write_whole
 from readygo.common.state_policy.commands import StateCommands
 from readygo.common.state_policy.state_policy import (
     STATE_POLICY_FORMAT,
@@ -44,11 +44,13 @@ from readygo.common.state_simulation.simulation import (
 )
 from readygo.common.state_simulation.tracks import has_no_tracks, tracker_numbers
 from readygo.common.state_simulation.world import StateWorld
+from readygo.services.trainer.checkpoint import read_state, refuse_damaged, write_state
+from readygo.services.trainer.config import CHECKPOINT_FILE
 from readygo.services.trainer.reinforcement.config import ReinforcementConfig
 from readygo.services.trainer.reinforcement.networks import layers_of
 from readygo.services.trainer.reinforcement.ppo import Learner, UpdateFigures
 
-CHECKPOINT_FILE, CURVE_FILE, CHART_FILE, METRICS_FILE = "checkpoint.pt", "curve.jsonl", "curve.svg", "metrics.json"
+CURVE_FILE, CHART_FILE, METRICS_FILE = "curve.jsonl", "curve.svg", "metrics.json"
 CHECKPOINT_S = 60.0
 """Wall time between two checkpoints [s]."""
 TASKS = {"static": False, "dynamic": True}
@@ -233,6 +235,9 @@ class Training:
                 "chosen": {k: row[k] for k in ("decisions", "val_static", "val_dynamic")},
             }
             dataclasses.replace(policy, spec=dataclasses.replace(self._spec, training=training)).save(self._out)
+        if not (self._out / CHECKPOINT_FILE).exists():
+            # A policy without a checkpoint cannot be resumed.
+            self.save()
         return row
 
     def _finish(self) -> dict[str, Any]:
@@ -261,21 +266,22 @@ class Training:
             "robots": {name: _tensor(array) for name, array in self.learner.simulation.snapshot().items()},
             "progress": dataclasses.asdict(self.progress),
         }
-        with write_then_rename(self._out / CHECKPOINT_FILE, raises=PolicyError) as made:
-            torch.save(state, made)
+        write_state(state, self._out / CHECKPOINT_FILE)
 
     def _resume(self) -> None:
-        state = torch.load(self._out / CHECKPOINT_FILE, weights_only=True)
-        if state["identity"] != self._identity:
-            raise PolicyError(
-                f"{self._out} has a training with other settings, seed, scene, robot or people; "
-                "choose another folder with --out."
-            )
-        self.learner.load_state(state["learner"])
-        kinds = {name: array.dtype for name, array in self.learner.simulation.snapshot().items()}
-        arrays = {name: tensor.numpy().view(kinds[name]) for name, tensor in state["robots"].items()}
-        self.learner.simulation.restore(arrays)
-        self.progress = Progress(**state["progress"])
+        path = self._out / CHECKPOINT_FILE
+        state = read_state(path)
+        with refuse_damaged(path):
+            if state["identity"] != self._identity:
+                raise PolicyError(
+                    f"{self._out} has a training with other settings, seed, scene, robot or people; "
+                    "choose another folder with --out."
+                )
+            self.learner.load_state(state["learner"])
+            kinds = {name: array.dtype for name, array in self.learner.simulation.snapshot().items()}
+            arrays = {name: tensor.numpy().view(kinds[name]) for name, tensor in state["robots"].items()}
+            self.learner.simulation.restore(arrays)
+            self.progress = Progress(**state["progress"])
 
 
 def success_rate(policy: StatePolicy, simulation: StateSimulation, *, dynamic: bool) -> float:

@@ -167,6 +167,7 @@ def test_films_need_a_folder_and_episodes_that_can_be_understood(evaluate) -> No
         (["--workers", "-1", "--out", "new"], "--workers must be 0..256, got -1."),
         (["--out", "data"], "--out data holds recorded data; choose a new folder."),
         (["--out", "file"], "--out file is a file; choose a new folder."),
+        (["--out", "trained"], "--out trained holds a policy (policy.toml); choose a new folder."),
     ],
 )
 def test_counts_and_folders_that_cannot_be_are_refused_by_option(
@@ -175,6 +176,8 @@ def test_counts_and_folders_that_cannot_be_are_refused_by_option(
     monkeypatch.chdir(tmp_path)
     write_shard(tmp_path / "data", [0])
     (tmp_path / "file").touch()
+    (tmp_path / "trained").mkdir()
+    (tmp_path / "trained" / "policy.toml").touch()
     before = sorted(tmp_path.rglob("*"))
     code, printed, _ = evaluate(*options)
     assert (code, printed.err) == (2, f"readygo: {words}\n")

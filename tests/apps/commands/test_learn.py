@@ -43,6 +43,12 @@ def test_line_says_what_is_known() -> None:
         (["embedded", "--form", "paper", "--on", "hosts"], "--form paper takes no --on."),
         (["embedded", "--form", "paper", "--minutes", "0"], "--minutes must be above 0 and at most 100000, got 0."),
         (["embedded", "--form", "paper", "--learn.goal", "image"], "--form paper goes with the rgb of one camera"),
+        (["embedded", "--learn.memory", "-3"], "--learn.memory must be at least 0 and at most 1024, got -3."),
+        (["embedded", "--learn.teacher", "me"], "--learn.teacher must be rl or expert, got 'me'"),
+        (
+            ["embedded", "--teacher", "rl", "--learn.teacher", "expert"],
+            "--teacher gives a policy on states, and learn.t",
+        ),
         (["nowhere", "--form", "paper"], "nowhere does not exist; make one with"),
         (["embedded", "--teacher", "nowhere"], "--teacher: nowhere holds no state policy; train one"),
     ],
@@ -160,6 +166,7 @@ def test_without_options_of_policies_perception_is_learned(
     monkeypatch.setattr(command, "check_plan", lambda plan: None)
     monkeypatch.setattr(command, "learn_to_perceive", run)
     monkeypatch.setattr(command, "perception_content", lambda *_: "content")
+    monkeypatch.setattr(command, "reason", lambda content: f"The reason of {content}.")
     monkeypatch.setattr(command, "write_perception_report", lambda path, content: asked.update(report=(path, content)))
     out = tmp_path / "run"
     training = LearnTrainingOptions(avatars=tmp_path)
@@ -168,7 +175,9 @@ def test_without_options_of_policies_perception_is_learned(
     assert (plan.out, plan.scenes, plan.minutes, plan.seed, plan.avatars) == (out, ("one",), 3.0, 2, tmp_path)
     assert asked["episodes"] == 5
     assert asked["report"] == (out / "report.html", "content")
-    assert f"The network: {out / 'perception'}" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert f"The network: {out / 'perception'}. It drives as the method perceive-and-act.\n" in said
+    assert f"The reason of content. All of it: {out / 'report.html'}\n" in said
     keys = {"renderer": {"detail": "exact"}}
     learn(LearnOptions(scenes=("one",), out=out, form=form, json=True, keys=keys))
     assert asked["plan"].config.renderer.detail == "exact"
@@ -214,6 +223,15 @@ def test_form_of_the_paper_learns_to_perceive_first_and_then_from_that(wired, fi
         "--form": "paper", "--seed": "2", "--avatars": "embedded:train", "--minutes": "12",
         "--learn.mix": "0.5", "--renderer.detail": "exact",
     }  # fmt: skip
+
+
+def test_expert_teaches_in_the_form_of_the_paper_where_it_is_told_to(wired, first, tmp_path: Path) -> None:
+    keys = {"learn": {"teacher": "expert"}}
+    learn(LearnOptions(scenes=("embedded",), out=tmp_path / "run", form="paper", minutes=6.0, keys=keys))
+    ((plan, _),) = first
+    assert not plan.policy_on_states
+    more = wired[0]["make_plan"][1]
+    assert (more["perception"], more["teacher"]) == (plan.out / "perception", None)
 
 
 @pytest.mark.parametrize("form", ["auto", "paper"])

@@ -129,6 +129,23 @@ def test_data_folder_and_file_are_no_folders_of_a_policy(
     assert (code, line) == (2, "readygo: --out file is a file; choose a new folder.")
 
 
+@pytest.mark.parametrize(
+    "command", ["train data", "train data --recipe perception", "train data --recipe gnm", "rl embedded"]
+)
+def test_policy_without_a_checkpoint_is_not_replaced(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "old").mkdir()
+    (tmp_path / "old" / "policy.toml").touch()
+    code, line = _run([*command.split(), "--out", "old"], monkeypatch, capsys)
+    assert (code, line) == (
+        2,
+        "readygo: --out old holds a policy (policy.toml) without checkpoint.pt: copy that too to resume, or choose a "
+        "new folder.",
+    )
+
+
 @pytest.mark.parametrize("recipe", ["fast", "perception", "gnm"])
 def test_budget_beyond_all_measure_is_refused_by_its_option(
     recipe: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -147,7 +164,7 @@ def test_recipe_of_another_architecture_does_not_go_on(tmp_path: Path, monkeypat
     before = (tmp_path / "policy" / "checkpoint.pt").read_bytes()
     code, line = _run([*options, "--samples", "64", "--recipe", "best", "--threads", "1"], monkeypatch, capsys)
     assert code == 2
-    assert re.search(r"checkpoint\.pt belongs to a run with another \w+; give another --out, or delete it\.$", line)
+    assert re.search(r"checkpoint\.pt belongs to a run with another \w+; give another --out\.$", line)
     assert (tmp_path / "policy" / "checkpoint.pt").read_bytes() == before
 
 

@@ -48,13 +48,15 @@ def test_people_are_in_the_frame_of_the_odometry_at_the_images_time():
     perception = FakePerception(where=())
     finder = finder_of(perception)
     finder.hear(odometry(T0 - S // 10), 0)
-    assert finder.look(picture(T0 - S // 10), 0).people == ()
+    assert finder.look(picture(T0 - S // 10), 0)[0].people == ()
     perception.where = (3.0, 0.0)
     # The image was taken halfway between two poses of the odometry.
     finder.hear(odometry(T0, x_m=0.0, yaw_rad=0.0, v_mps=0.5), 0)
     finder.hear(odometry(T0 + S // 10, x_m=1.0, yaw_rad=0.4, v_mps=0.5), 0)
     perception.pose = (0.5, 0.0, 0.2)
-    told = finder.look(picture(T0 + S // 20), 0)
+    told, scan = finder.look(picture(T0 + S // 20), 0)
+    assert (scan.stamp_ns, scan.frame) == (T0 + S // 20, "base_link")
+    assert max(scan.ranges_m) == pytest.approx(perception.free_m)
     assert (told.stamp_ns, told.frame) == (T0 + S // 20, "odom")
     (person,) = told.people
     assert person.xy_m == pytest.approx((3.0, 0.0), abs=1e-6)
@@ -69,7 +71,7 @@ def test_images_are_looked_at_ten_times_a_second_and_a_human_keeps_its_number():
         finder.hear(odometry(T0 + step * S // 20), 0)
         perception.where = (3.0, 0.05 * step)
         told.append(finder.look(picture(T0 + step * S // 20), 0))
-    looks = [each for each in told if each is not None]
+    looks = [each[0] for each in told if each is not None]
     assert len(looks) == 10
     assert {person.number for each in looks for person in each.people} == {0}
     # 0.05 m each 0.05 s to the left.
@@ -95,13 +97,13 @@ def test_human_who_stays_away_is_forgotten_only_where_the_image_would_show_one()
     perception = FakePerception()
     finder = finder_of(perception)
     finder.hear(odometry(T0), 0)
-    (first,) = finder.look(picture(T0), 0).people
+    (first,) = finder.look(picture(T0), 0)[0].people
     perception.where, perception.free_m = (), 1.0
     for step in range(1, 4):
-        assert finder.look(picture(T0 + step * S // 10), 0).people[0].number == first.number
+        assert finder.look(picture(T0 + step * S // 10), 0)[0].people[0].number == first.number
     perception.free_m = 9.0
     for step in range(4, 14):
-        told = finder.look(picture(T0 + step * S // 10), 0)
+        told, _ = finder.look(picture(T0 + step * S // 10), 0)
     assert told.people == ()
 
 

@@ -1,3 +1,4 @@
+import math
 import time
 import tracemalloc
 
@@ -6,7 +7,7 @@ import numpy as np
 import pytest
 
 from readygo.apps.drive import ros_codec as types
-from readygo.apps.drive.messages import GoalMessage, OdometryMessage, PeopleMessage, VelocityMessage
+from readygo.apps.drive.messages import GoalMessage, OdometryMessage, PeopleMessage, ScanMessage, VelocityMessage
 from readygo.apps.drive.plain_codec import PlainCodec
 from readygo.apps.robot_logs.reader import INFO_TYPE, ODOMETRY_TYPE, LogCamera
 from readygo.common.messages.live import LivePerson
@@ -50,6 +51,29 @@ def test_people_are_maps_in_the_frame_of_the_odometry():
     assert told["position_covariance"] == [0.01, 0.0, 0.02]
     with pytest.raises(ValueError, match="sent, not received"):
         CODEC.read(types.PEOPLE_TYPE, sent)
+
+
+def test_scans_are_maps_in_the_frame_of_the_robot():
+    scan = ScanMessage(
+        stamp_ns=7,
+        angle_min_rad=-0.5,
+        angle_increment_rad=0.5,
+        range_max_m=9.0,
+        period_s=0.1,
+        ranges_m=(1.0, 2.0, math.inf),
+    )
+    sent = CODEC.write(types.SCAN_TYPE, scan, 7)
+    assert msgpack.unpackb(sent) == {
+        "stamp_ns": 7,
+        "frame": "base_link",
+        "angle_min_rad": -0.5,
+        "angle_increment_rad": 0.5,
+        "range_max_m": 9.0,
+        "period_s": 0.1,
+        "ranges_m": [1.0, 2.0, math.inf],
+    }
+    with pytest.raises(ValueError, match="sent, not received"):
+        CODEC.read(types.SCAN_TYPE, sent)
 
 
 @pytest.mark.parametrize("kind", [types.IMAGE_TYPE, types.COMPRESSED_TYPE])

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from readygo.apps.drive.messages import VelocityMessage
+from readygo.apps.drive.messages import PeopleMessage, ScanMessage, VelocityMessage
 from readygo.apps.drive.robot import DEADMAN_S, Topics, connect_robot
-from readygo.apps.drive.ros_codec import IMAGE_TYPE, TWIST_TYPE
+from readygo.apps.drive.ros_codec import IMAGE_TYPE, PEOPLE_TYPE, SCAN_TYPE, TWIST_TYPE
 from readygo.apps.drive.wires import RosWire
 from readygo.apps.robot_logs.reader import LogCamera
 from readygo.common.bus.foreign import ForeignSession
@@ -66,6 +66,25 @@ def test_messages_of_another_type_and_bytes_that_are_none_are_said(network):
     assert waited(lambda: "PointCloud2" in robot.broken)
     assert IMAGE_TYPE in robot.broken
     assert "no ROS 2 node is there" in robot.absent()
+    robot.close()
+
+
+def test_what_is_perceived_is_published_and_logged_also_in_a_dry_run(network):
+    endpoint, session = network
+    wire, heard, logged = RosWire(0, "drive"), {}, []
+    for topic in ("people", "perception/scan"):
+        session.hear(f"0/{topic}/**", lambda key, payload, _: heard.update({wire.type_of(key, ""): payload}))
+    robot = connect_robot(endpoint, wire, replace(TOPICS, people="/people", scan="/perception/scan"), dry=True)
+    robot.listen = lambda topic, kind, value, time_ns: logged.append((topic, kind))
+    for publisher in robot._perceived.values():
+        assert publisher.heard(3.0)
+    scan = ScanMessage(
+        stamp_ns=T0, angle_min_rad=0.0, angle_increment_rad=0.1, range_max_m=9.0, period_s=0.1, ranges_m=(1.0, 2.0)
+    )
+    robot.tell(PeopleMessage(stamp_ns=T0, people=()), scan)
+    assert waited(lambda: len(heard) == 2)
+    assert heard[SCAN_TYPE] == wire.codec.write(SCAN_TYPE, scan, T0)
+    assert logged == [("/people", PEOPLE_TYPE), ("/perception/scan", SCAN_TYPE)]
     robot.close()
 
 

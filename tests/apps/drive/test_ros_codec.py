@@ -1,3 +1,4 @@
+import math
 import struct
 
 import cv2
@@ -6,7 +7,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from readygo.apps.drive import ros_codec as types
-from readygo.apps.drive.messages import Encoded, GoalMessage, OdometryMessage, PeopleMessage, VelocityMessage
+from readygo.apps.drive.messages import (
+    Encoded,
+    GoalMessage,
+    OdometryMessage,
+    PeopleMessage,
+    ScanMessage,
+    VelocityMessage,
+)
 from readygo.apps.robot_logs.reader import INFO_TYPE, ODOMETRY_TYPE, LogCamera
 from readygo.common.messages.live import LivePerson
 
@@ -38,6 +46,8 @@ def test_types_have_the_published_hashes(codec):
     assert codec.type_hash("std_msgs/msg/String") == published
     twist = "RIHS01_9c45bf16fe0983d80e3cfe750d6835843d265a9a6c46bd2e609fcddde6fb8d2a"
     assert codec.type_hash(types.TWIST_TYPE) == twist
+    scan = "RIHS01_64c191398013af96509d518dac71d5164f9382553fce5c1f8cca5be7924bd828"
+    assert codec.type_hash(types.SCAN_TYPE) == scan
 
 
 PERSON = LivePerson(
@@ -71,9 +81,37 @@ def test_people_are_those_of_people_msgs(codec):
     assert codec.type_hash(types.PEOPLE_TYPE).startswith("RIHS01_")
 
 
-def test_people_are_not_read(codec):
-    with pytest.raises(ValueError, match="people_msgs/msg/People are not known"):
-        codec.read(types.PEOPLE_TYPE, b"")
+def test_scans_are_those_of_sensor_msgs(codec):
+    scan = ScanMessage(
+        stamp_ns=STAMP_NS,
+        frame="base_footprint",
+        angle_min_rad=-0.5,
+        angle_increment_rad=0.25,
+        range_max_m=9.0,
+        period_s=0.1,
+        ranges_m=(1.0, 2.5, math.inf, math.nan),
+    )
+    message = codec._store.deserialize_cdr(codec.write(types.SCAN_TYPE, scan, STAMP_NS), types.SCAN_TYPE)
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == divmod(STAMP_NS, 10**9)
+    assert message.header.frame_id == "base_footprint"
+    assert (message.angle_min, message.angle_max, message.angle_increment) == (-0.5, 0.25, 0.25)
+    assert (message.range_min, message.range_max, message.time_increment) == (0.0, 9.0, 0.0)
+    assert message.scan_time == pytest.approx(0.1)
+    np.testing.assert_array_equal(message.ranges, np.array(scan.ranges_m, np.float32))
+    assert len(message.intensities) == 0
+
+
+def test_odometry_keeps_the_name_of_the_robots_frame(codec):
+    odometry = OdometryMessage(
+        stamp_ns=7, x_m=0.0, y_m=0.0, yaw_rad=0.0, v_mps=0.0, w_radps=0.0, robot_frame="base_footprint"
+    )
+    assert codec.read(ODOMETRY_TYPE, codec.write(ODOMETRY_TYPE, odometry, 7)) == odometry
+
+
+@pytest.mark.parametrize("kind", [types.PEOPLE_TYPE, types.SCAN_TYPE])
+def test_what_is_perceived_is_not_read(codec, kind):
+    with pytest.raises(ValueError, match=f"{kind} are not known"):
+        codec.read(kind, b"")
 
 
 @pytest.fixture(scope="module")

@@ -1,13 +1,15 @@
 import time
 
+import numpy as np
 import pytest
 
 from readygo.apps.drive import trial
-from readygo.apps.drive.messages import PeopleMessage, VelocityMessage
+from readygo.apps.drive.free_space import scan_of
+from readygo.apps.drive.messages import PeopleMessage, ScanMessage, VelocityMessage
 from readygo.apps.drive.pilot import TrialEnding
 from readygo.apps.drive.trial import Measures, run_trial, trial_end
 from readygo.common.errors import BusError
-from tests.apps.drive.conftest import odometry, picture
+from tests.apps.drive.conftest import CAMERA, odometry, picture
 
 
 class FakeRobot:
@@ -31,8 +33,8 @@ class FakeRobot:
     def send(self, command):
         self.told.append(command)
 
-    def tell(self, people):
-        self.told.append(people)
+    def tell(self, people, scan):
+        self.told += [people, scan]
 
     def absent(self):
         return "no node publishes /odom"
@@ -61,12 +63,13 @@ def test_people_are_published_after_the_command_of_their_image(make_ride):
             self.heard += 1
 
         def look(self, picture, arrived_ns):
-            return PeopleMessage(stamp_ns=picture.stamp_ns, people=())
+            scan = scan_of(np.full(32, 2.0), CAMERA, stamp_ns=picture.stamp_ns, frame="base_link")
+            return PeopleMessage(stamp_ns=picture.stamp_ns, people=()), scan
 
     ride, robot, finder = make_ride(time_limit_s=0.1), FakeRobot(), Finder()
     run_trial(robot, ride.pilot, rate_hz=20, say=lambda words: None, people=finder)
-    kinds = [type(each) for each in robot.told[:4]]
-    assert kinds == [VelocityMessage, PeopleMessage, VelocityMessage, PeopleMessage]
+    kinds = [type(each) for each in robot.told[:6]]
+    assert kinds == 2 * [VelocityMessage, PeopleMessage, ScanMessage]
     assert finder.heard > 1
     assert robot.told[-1] == VelocityMessage()
 

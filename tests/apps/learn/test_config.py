@@ -20,9 +20,10 @@ def test_own_section_is_read_beside_those_of_the_runs(tmp_path: Path) -> None:
         ("mix = 1.5", "mix must be at least 0 and at most 1"),
         ("reuse = 0", "reuse must be above 0"),
         ("hope = 1", "hope"),
-        ("memory = -1", "memory_count must be at least 0 and at most 1024, got -1"),
-        ("memory = 1025", "memory_count must be at least 0 and at most 1024, got 1025"),
-        ('memory = 64\ngoal = "both"', 'memory_count goes with goal "point"'),
+        ("memory = -1", "memory must be at least 0 and at most 1024, got -1"),
+        ("memory = 1025", "memory must be at least 0 and at most 1024, got 1025"),
+        ('teacher = "me"', "teacher"),
+        ('memory = 64\ngoal = "both"', 'memory goes with goal "point"'),
     ],
 )
 def test_setting_that_makes_no_sense_is_one_line(tmp_path: Path, text: str, message: str) -> None:

@@ -70,6 +70,16 @@ def test_expert_teaches_where_no_policy_on_states_was_left(tmp_path: Path) -> No
     assert teacher_of(plan) == plan.out / "rl"
 
 
+def test_expert_teaches_where_the_settings_say_so(tmp_path: Path) -> None:
+    assert plan_in(tmp_path / "run").policy_on_states
+    (tmp_path / "run.toml").write_text('[learn]\nteacher = "expert"\n')
+    for more in ({"config": tmp_path / "run.toml"}, {"keys": {"learn": {"teacher": "expert"}}}):
+        plan = plan_in(tmp_path / "run", **more)
+        assert not plan.policy_on_states
+    write_state_policy(plan.out / "rl")
+    assert teacher_of(plan) is None
+
+
 def test_policy_of_the_paper_has_no_memory_unless_one_is_given(tmp_path: Path) -> None:
     config, robot = tmp_path / "run.toml", {"radius_m": 0.3}
     assert policy_keys({"robot": robot}, None) == {"robot": robot, "learn": {"memory": 0}}

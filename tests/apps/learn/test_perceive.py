@@ -2,6 +2,7 @@ import dataclasses
 import json
 from pathlib import Path
 from types import SimpleNamespace
+from typing import IO
 
 import pytest
 
@@ -131,20 +132,24 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, object]]:
 
 @pytest.fixture
 def rl(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
-    """The commands of the policy on states, each of which leaves a policy unless it is told to fail."""
+    """The commands of the policy on states, each of which leaves a policy unless the first one is to fail."""
     commands: list[list[str]] = []
 
     class Process:
-        def __init__(self, command: list[str], **_: object) -> None:
+        def __init__(self, command: list[str], *, stdout: IO[bytes], **_: object) -> None:
             commands.append(command)
-            if "--fail" not in commands[0]:
+            self.code = 2 if commands[0] == ["fail"] else 0
+            if self.code:
+                stdout.write(b"Begins\nreadygo: the checkpoint is damaged.\n")
+                stdout.flush()
+            else:
                 write_state_policy(Path(command[command.index("--out") + 1]))
 
         def wait(self) -> int:
-            return 0
+            return self.code
 
         def poll(self) -> int:
-            return 0
+            return self.code
 
     monkeypatch.setattr(module, "available_cores", lambda: 3)
     monkeypatch.setattr(module, "subprocess", SimpleNamespace(Popen=Process))
@@ -254,10 +259,27 @@ def test_policy_on_states_is_trained_meanwhile_and_the_better_driver_on_val_is_t
     assert "60 % by perceive-and-act, 40 % by perceive-and-plan" in text
 
 
-def test_run_goes_without_a_policy_on_states_that_fails(
+def test_policy_on_states_that_fails_ends_the_run_with_its_message(
     tmp_path: Path, steps: list[tuple[str, object]], rl: list[list[str]]
 ) -> None:
-    rl.append(["--fail"])
+    rl.append(["fail"])
+    said = r"^The policy on states was not trained \(exit code 2, .*rl\.log\): the checkpoint is damaged\.$"
+    with pytest.raises(RunError, match=said):
+        learn_to_perceive(plan_of(tmp_path / "run"), episodes=1)
+    # It is found out before anything is recorded.
+    assert steps == []
+
+
+def test_failure_of_the_policy_on_states_at_the_end_ends_the_run(tmp_path: Path) -> None:
+    log = tmp_path / "rl.log"
+    log.touch()
+    running = SimpleNamespace(poll=lambda: None, wait=lambda: -9)
+    module._check_policy(running, log)  # type: ignore[arg-type]
+    with pytest.raises(RunError, match=r"exit code -9, .*rl\.log\): no message$"):
+        module._check_policy(running, log, wait=True)  # type: ignore[arg-type]
+
+
+def test_run_without_a_second_core_has_no_choice_of_drivers(tmp_path: Path, steps: list[tuple[str, object]]) -> None:
     learned = learn_to_perceive(plan_of(tmp_path / "run"), episodes=1)
     assert (learned.method, learned.val) == ("perceive-and-plan", {})
     assert "There was no choice" in reason(perception_content(learned, ["embedded"]))
@@ -295,6 +317,9 @@ def test_one_core_has_no_policy_on_states(tmp_path: Path, rl: list[list[str]], m
     monkeypatch.setattr(module, "available_cores", lambda: 3)
     assert module.has_policy_on_states(plan_of(tmp_path, "a", "b"))
     assert module.workers_of(plan_of(tmp_path, "a")) == 2
+    without = dataclasses.replace(plan_of(tmp_path, "a"), policy_on_states=False)
+    assert not module.has_policy_on_states(without)
+    assert module.workers_of(without) == 3
     monkeypatch.setattr(module, "available_cores", lambda: 1)
     assert not module.has_policy_on_states(plan_of(tmp_path, "a"))
     assert module.workers_of(plan_of(tmp_path, "a")) == 1

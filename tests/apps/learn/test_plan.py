@@ -17,7 +17,7 @@ from readygo.apps.learn.plan import (
     write_state,
 )
 from readygo.common.avatars.variants import write_variants
-from readygo.common.errors import ConfigError, ReadygoError, RunError, SceneError
+from readygo.common.errors import ConfigError, PolicyError, ReadygoError, RunError, SceneError
 from readygo.common.messages.stages import DRIVE_LINE
 from readygo.common.perception.artifact import (
     WEIGHTS_FILE,
@@ -29,6 +29,7 @@ from readygo.common.robot import CameraConfig, RobotConfig
 from readygo.runs.config import RunConfig
 from readygo.runs.scene_argument import open_scene
 from readygo.runs.teacher import teacher_ref
+from readygo.services.trainer.config import PERCEPTION_WIDTHS
 from tests.common.state_policy.state_policies import write_state_policy
 
 
@@ -134,6 +135,14 @@ def test_run_goes_on_only_as_what_it_is(tmp_path: Path) -> None:
         plan_of(tmp_path / "run")
 
 
+def test_teacher_is_refused_where_the_expert_is_to_label(tmp_path: Path) -> None:
+    settings, learn = learn_configs(None, None, "", "", keys={"learn": {"teacher": "expert"}})
+    with pytest.raises(ConfigError, match=r'^--teacher gives a policy on states, and learn\.teacher is "expert"'):
+        make_plan(
+            ("embedded",), tmp_path, settings, learn, Budget(minutes=1.0), avatars=None, seed=0, teacher=tmp_path / "rl"
+        )
+
+
 def test_teacher_is_part_of_the_run(tmp_path: Path) -> None:
     first, other = (write_state_policy(tmp_path / f"{k}", seed=k) for k in range(2))
     plan = plan_of(tmp_path / "run", teacher=first)
@@ -204,10 +213,16 @@ def test_pictures_are_as_few_as_the_cameras_latency_allows(tmp_path: Path, laten
 
 def perceiving(folder: Path, *, spacing_s: float = 0.2, camera: CameraConfig | None = None) -> Path:
     """Untrained perception, as far as a plan reads it."""
+    torch = pytest.importorskip("torch", reason="torch (extra train) is not installed")
+    from safetensors.torch import save
+
+    from readygo.services.trainer.perception.network import PerceptionNet
+
+    torch.manual_seed(0)
     folder.mkdir()
     robot = RobotConfig(camera=camera or CameraConfig(height_px=72, width_px=96), v_max_mps=0.7)
     save_perception_spec(PerceptionSpec(robot=robot, spacing_s=spacing_s), folder)
-    (folder / WEIGHTS_FILE).write_bytes(b"weights")
+    (folder / WEIGHTS_FILE).write_bytes(save(PerceptionNet(robot.camera, PERCEPTION_WIDTHS).state_dict()))
     return folder
 
 
@@ -226,11 +241,18 @@ def test_perception_that_does_not_see_the_policys_images_is_refused(tmp_path: Pa
         with pytest.raises(ConfigError, match='rgb of one camera and goal "point"'):
             learn_configs(None, None, inputs, "", goal, perception=folder)  # type: ignore[arg-type]
     robot.write_text("[camera]\nheight_px = 72\nwidth_px = 128\n")
-    with pytest.raises(ConfigError, match="perceives with another camera"):
+    with pytest.raises(PolicyError, match="perceives with another camera"):
         learn_configs(None, robot, "", "", perception=folder)
-    (folder / WEIGHTS_FILE).unlink()
-    with pytest.raises(ConfigError, match=r"has no weights\.safetensors; train perception again"):
-        learn_configs(None, None, "", "", perception=folder)
+
+
+def test_perception_that_is_not_whole_is_refused(tmp_path: Path) -> None:
+    weights = perceiving(tmp_path / "perception") / WEIGHTS_FILE
+    weights.write_bytes(weights.read_bytes()[:1000])
+    with pytest.raises(PolicyError, match=r"weights\.safetensors cannot be read: .*; train perception again"):
+        learn_configs(None, None, "", "", perception=weights.parent)
+    weights.unlink()
+    with pytest.raises(PolicyError, match=r"weights\.safetensors cannot be read: .*; train perception again"):
+        learn_configs(None, None, "", "", perception=weights.parent)
 
 
 def test_run_goes_on_with_the_same_perception_only(tmp_path: Path) -> None:

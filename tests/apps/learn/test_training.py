@@ -15,6 +15,8 @@ from readygo.apps.learn.training import (
     read_training,
     write_trainer_config,
 )
+from readygo.common.perception.artifact import PerceptionSpec, save_perception_spec
+from readygo.common.robot import RobotConfig
 from readygo.runs.config import RunConfig
 from readygo.runs.training import make_config
 from readygo.services.trainer import best_recipe, live
@@ -91,6 +93,8 @@ def test_progress_of_another_shape_says_nothing(tmp_path: Path) -> None:
 @pytest.mark.parametrize("encoder", [None, "perception"])
 def test_trainer_reads_the_recipe_of_the_plan(tmp_path: Path, encoder: str | None) -> None:
     perception = tmp_path / encoder if encoder else None
+    if perception:
+        save_perception_spec(PerceptionSpec(robot=RobotConfig(), spacing_s=0.5), perception)
     plan = LearnPlan(
         out=tmp_path,
         places=(),
@@ -103,7 +107,9 @@ def test_trainer_reads_the_recipe_of_the_plan(tmp_path: Path, encoder: str | Non
     )
     read = make_config("best", write_trainer_config(plan, 3))
     recipe = pretrained_recipe() if encoder else best_recipe()
-    assert (read.network, read.sampling, read.optimizer) == (recipe.network, recipe.sampling, recipe.optimizer)
+    spacing_s = 0.5 if encoder else recipe.sampling.frame_spacing_s
+    sampling = dataclasses.replace(recipe.sampling, frame_spacing_s=spacing_s)
+    assert (read.network, read.sampling, read.optimizer) == (recipe.network, sampling, recipe.optimizer)
     assert (read.minutes, read.samples, read.seed, read.threads, read.offer_every_s) == (30.0, 9000, 4, 3, 30.0)
     assert read.perception == (str(perception) if perception else "")
     write_trainer_config(dataclasses.replace(plan, learn=LearnConfig(memory=7)), 3)

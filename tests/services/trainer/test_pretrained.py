@@ -101,14 +101,16 @@ def test_training_changes_what_reads_and_not_what_perceives(tmp_path: Path, prec
     assert not torch.equal(policy.encoder.get_parameter("latent.weight"), fresh.encoder.get_parameter("latent.weight"))
 
 
-def test_exported_graph_answers_what_torch_answers(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("height_px", "width_px"), [(72, 128), (24, 100), (72, 161)])
+def test_exported_graph_answers_what_torch_answers(tmp_path: Path, height_px: int, width_px: int) -> None:
     torch.manual_seed(3)
-    model = PolicyNet(ROBOT, CONFIG.network).eval()
+    robot = RobotConfig(camera=CameraConfig(height_px=height_px, width_px=width_px))
+    model = PolicyNet(robot, CONFIG.network).eval()
     trained_looking(model)
-    export_policy(model, PolicySpec(robot=ROBOT, frame_spacing_s=0.2), tmp_path)
-    policy = load_policy(tmp_path, robot=ROBOT)
+    export_policy(model, PolicySpec(robot=robot, frame_spacing_s=0.2), tmp_path)
+    policy = load_policy(tmp_path, robot=robot)
     rng = np.random.default_rng(0)
-    images = rng.integers(0, 256, (9, 72, 128, 3), dtype=np.uint8)
+    images = rng.integers(0, 256, (9, height_px, width_px, 3), dtype=np.uint8)
     memory, goal, still = policy.start(), np.array([[3.0, 1.0]], np.float32), np.zeros((1, 2), np.float32)
     for step in range(9):
         action = policy.step([memory], images[step : step + 1], still, goal)

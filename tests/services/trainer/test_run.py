@@ -5,7 +5,7 @@ import torch
 
 from readygo.common.errors import PolicyError
 from readygo.common.policy import load_policy
-from readygo.services.trainer.checkpoint import CHECKPOINT_FILE
+from readygo.services.trainer.config import CHECKPOINT_FILE
 from readygo.services.trainer.parts import build_parts
 from readygo.services.trainer.run import CANDIDATE_FOLDER, BudgetClock, TrainRun
 from tests.services.trainer.conftest import QUICK, make_one, png, quick

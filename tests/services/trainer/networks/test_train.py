@@ -10,6 +10,7 @@ torch = pytest.importorskip("torch", reason="torch is not installed")
 from readygo.common.errors import DatasetError, PolicyError  # noqa: E402
 from readygo.common.networks import checkpoint  # noqa: E402
 from readygo.common.networks.models import _sum_steps  # noqa: E402
+from readygo.services.trainer.checkpoint import read_state, write_state  # noqa: E402
 from readygo.services.trainer.networks import train as module  # noqa: E402
 from readygo.services.trainer.networks.config import NetworkTrainConfig  # noqa: E402
 from readygo.services.trainer.networks.samples import Looks  # noqa: E402
@@ -104,8 +105,19 @@ def test_weights_that_lie_there_are_where_training_begins(data, tmp_path) -> Non
     weights = checkpoint.load_network("gnm", path).state_dict()
     assert all(torch.allclose(weights[name], tensor, atol=1e-6) for name, tensor in given.state_dict().items())
     (tmp_path / "gnm.pth.training").write_bytes(b"half a file")
-    with pytest.raises(PolicyError, match=r"training cannot be read"):
+    with pytest.raises(PolicyError, match=r"training is damaged"):
         module.train_network(data, config(samples=16), path)
+
+
+@pytest.mark.parametrize("name", ["data", "network", "steps"])
+def test_run_whose_state_lacks_something_is_refused(name: str, data, tmp_path) -> None:
+    path = tmp_path / "gnm.pth"
+    module.train_network(data, config(samples=16), path)
+    state = read_state(tmp_path / "gnm.pth.training")
+    del state[name]
+    write_state(state, tmp_path / "gnm.pth.training")
+    with pytest.raises(PolicyError, match=r"training is damaged"):
+        module.train_network(data, config(samples=32), path)
 
 
 def test_training_ends_without_measures_where_too_few_held_out_episodes_can_be_used(

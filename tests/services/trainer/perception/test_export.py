@@ -4,20 +4,24 @@ import numpy as np
 import pytest
 import torch
 
+from readygo.common.camera.config import CameraConfig
 from readygo.common.errors import PolicyError
 from readygo.common.perception import PerceptionSpec, load_perception
+from readygo.common.robot import RobotConfig
 from readygo.services.trainer.perception.export import export_perception
-from readygo.services.trainer.perception.looks import Looks
 from readygo.services.trainer.perception.network import PerceptionNet
 from readygo.services.trainer.perception.train import perceive
-from tests.services.trainer.perception.conftest import ROBOT
+from tests.services.trainer.perception.conftest import ROBOT, make_looks
 
 
-def test_exported_graph_answers_as_the_network(tmp_path: Path, looks: Looks) -> None:
+@pytest.mark.parametrize(("height_px", "width_px"), [(72, 128), (24, 32), (72, 100), (100, 161)])
+def test_exported_graph_answers_as_the_network(tmp_path: Path, height_px: int, width_px: int) -> None:
     torch.manual_seed(0)
-    spec, net = PerceptionSpec(robot=ROBOT), PerceptionNet(ROBOT.camera, (4, 4, 8, 8, 16)).eval()
+    camera = CameraConfig(height_px=height_px, width_px=width_px)
+    robot, looks = RobotConfig(camera=camera), make_looks(camera=camera)
+    spec, net = PerceptionSpec(robot=robot), PerceptionNet(camera, (4, 4, 8, 8, 16)).eval()
     export_perception(net, spec, tmp_path)
-    perception = load_perception(tmp_path, robot=ROBOT)
+    perception = load_perception(tmp_path, robot=robot)
     assert perception.spec == spec
     rows = np.arange(6)
     motion = np.random.default_rng(0).uniform(-0.2, 0.2, (6, 8)).astype(np.float32)

@@ -5,8 +5,12 @@ import numpy as np
 import pytest
 import torch
 
+from readygo.common.camera.config import CameraConfig
 from readygo.common.errors import PolicyError
 from readygo.common.perception import PerceptionSpec
+from readygo.common.robot import RobotConfig
+from readygo.services.trainer.checkpoint import read_state, write_state
+from readygo.services.trainer.config import CHECKPOINT_FILE
 from readygo.services.trainer.perception.config import PerceptionConfig
 from readygo.services.trainer.perception.looks import Looks
 from readygo.services.trainer.perception.train import METRICS_FILE, PerceptionRun, _moving_averages, perceive
@@ -35,6 +39,14 @@ def test_training_finds_posts_and_writes_what_runs(tmp_path: Path) -> None:
     assert (tmp_path / "perception.onnx").stat().st_size > 1000
 
 
+def test_training_finds_posts_in_images_of_other_widths(tmp_path: Path) -> None:
+    camera = CameraConfig(height_px=24, width_px=56)
+    looks, spec = make_looks(240, episodes=12, camera=camera), PerceptionSpec(robot=RobotConfig(camera=camera))
+    told = PerceptionRun(looks, spec, config(4000, learning_rate=4e-3), tmp_path, {"data": "x"}).go()["held_out"]
+    assert told["bearing_deg"] < 4.0
+    assert told["missed"] < 0.4
+
+
 def test_run_that_was_cut_off_goes_on_where_it_was(tmp_path: Path, looks: Looks) -> None:
     whole = PerceptionRun(looks, SPEC, config(160), tmp_path / "whole", {"data": "x"})
     whole.go()
@@ -55,6 +67,17 @@ def test_folder_of_other_data_or_settings_is_refused(tmp_path: Path, looks: Look
     with pytest.raises(PolicyError, match="another learning_rate"):
         PerceptionRun(looks, SPEC, config(16, learning_rate=1e-4), tmp_path, {"data": "x"})
     PerceptionRun(looks, SPEC, config(999), tmp_path, {"data": "x"})
+
+
+@pytest.mark.parametrize(
+    "changed", [{"net": {}}, {"optimizer": None}, {"averaged": {"module.free.bias": torch.ones(3)}}]
+)
+def test_damaged_checkpoint_is_refused(changed: dict[str, object], tmp_path: Path, looks: Looks) -> None:
+    PerceptionRun(looks, SPEC, config(16), tmp_path, {"data": "x"}).save()
+    path = tmp_path / CHECKPOINT_FILE
+    write_state(read_state(path) | changed, path)
+    with pytest.raises(PolicyError, match=r"checkpoint\.pt is damaged"):
+        PerceptionRun(looks, SPEC, config(16), tmp_path, {"data": "x"})
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device")

@@ -1,6 +1,8 @@
 import dataclasses
 import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -99,6 +101,60 @@ def test_other_settings_or_episodes_do_not_continue_a_training(drawn: Drawn, tmp
         with pytest.raises(PolicyError, match="other settings, seed, scene, robot or people"):
             training(drawn, tmp_path, **other)
     training(drawn, tmp_path)
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda data: data[: len(data) // 2],
+        lambda data: b"",
+        lambda data: b"no checkpoint",
+    ],
+    ids=["truncated", "empty", "garbage"],
+)
+def test_damaged_checkpoint_is_refused(drawn: Drawn, tmp_path: Path, damage: Callable[[bytes], bytes]) -> None:
+    training(drawn, tmp_path).save()
+    path = tmp_path / "checkpoint.pt"
+    path.write_bytes(damage(path.read_bytes()))
+    with pytest.raises(PolicyError, match=r"checkpoint\.pt is damaged"):
+        training(drawn, tmp_path)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda state: state.pop("identity"),
+        lambda state: state["learner"].clear(),
+        lambda state: state["progress"].update(more=1),
+        lambda state: state["robots"].popitem(),
+    ],
+    ids=["no identity", "no learner", "unknown progress", "fewer robots"],
+)
+def test_checkpoint_with_other_content_is_refused(
+    drawn: Drawn, tmp_path: Path, change: Callable[[dict[str, Any]], object]
+) -> None:
+    from readygo.services.trainer.checkpoint import read_state, write_state
+
+    training(drawn, tmp_path).save()
+    path = tmp_path / "checkpoint.pt"
+    state = read_state(path)
+    change(state)
+    write_state(state, path)
+    with pytest.raises(PolicyError, match=r"checkpoint\.pt is damaged"):
+        training(drawn, tmp_path)
+
+
+def test_first_policy_has_a_checkpoint_beside_it(drawn: Drawn, tmp_path: Path) -> None:
+    from readygo.services.trainer.reinforcement.run import Budget
+
+    def interrupt(_: object) -> None:
+        raise KeyboardInterrupt
+
+    first = training(drawn, tmp_path)
+    with pytest.raises(KeyboardInterrupt):
+        first.run(Budget(decisions=1024), interrupt)
+    assert (tmp_path / "state_policy.toml").exists()
+    assert training(drawn, tmp_path).progress == first.progress
 
 
 def test_budget_is_spent_by_decisions_or_by_minutes() -> None:
