@@ -21,7 +21,7 @@ from readygo.runs.benchmark.folder import (
     read_cells,
     read_manifest,
 )
-from readygo.runs.benchmark.inputs import row_of
+from readygo.runs.benchmark.inputs import DriverInputs, row_of
 from readygo.runs.benchmark.suite import OpenSuite
 from readygo.services.evaluator import (
     EXPERT,
@@ -54,6 +54,7 @@ _INPUTS_NOTE = (
     "Scenes seen: scenes of the suite among the data of its training. Training seeds: different policies of a row. "
     "Rows that were made with different versions name theirs; records of two numeric classes may differ in last digits."
 )
+INPUT_TITLES = ("Map", "People", "Images", "Trained on", "Scenes seen")
 _NOT_STATED = "not stated"
 _MADE_WITH = (("readygo", "readygo"), ("commit", "Commit"), ("numeric_class", "Numeric class"))
 """What rows are made with, and its titles: columns where rows differ in it."""
@@ -260,23 +261,30 @@ def films_to_show(board: Leaderboard) -> list[tuple[LeaderboardRow, str, Episode
 
 
 def _driver_table(board: Leaderboard) -> PageTable:
-    columns = ("Driver", "Map", "People", "Images", "Trained on", "Scenes seen", "Training seeds", "Episodes per cell")
+    columns = ("Driver", *INPUT_TITLES, "Training seeds", "Episodes per cell")
     differing = [(name, title) for name, title in _MADE_WITH if len({row.made_by.get(name) for row in board.rows}) > 1]
     cells = [
         [
             short_name(row.name),
-            "yes" if row.driver.inputs.map else "no",
-            row.driver.inputs.people or "no",
-            ", ".join(row.driver.inputs.images) or "no",
-            _stated(row.driver.inputs.trained_on, "nothing"),
-            _stated(row.driver.inputs.seen, "none"),
+            *input_cells(row.driver.inputs),
             str(row.seeds or ""),
             str(row.episodes) + ("" if row.episodes == board.suite.suite.episodes else ", incomplete"),
             *(_short_hashes(row.made_by.get(name, "")) for name, _ in differing),
         ]
         for row in board.rows
     ]
-    return PageTable((*columns, *(title for _, title in differing)), cells, text_columns=6)
+    return PageTable((*columns, *(title for _, title in differing)), cells, text_columns=1 + len(INPUT_TITLES))
+
+
+def input_cells(inputs: DriverInputs) -> list[str]:
+    """What a driver is given and has learned from, as `INPUT_TITLES` has the columns."""
+    return [
+        "yes" if inputs.map else "no",
+        inputs.people or "no",
+        ", ".join(inputs.images) or "no",
+        _stated(inputs.trained_on, "nothing"),
+        _stated(inputs.seen, "none"),
+    ]
 
 
 def _stated(value: str | Sequence[str] | None, empty: str) -> str:
