@@ -2,8 +2,9 @@
 
     python -m readygo.benchmarks.tables
 
-Shown are files with the `scores` of a run that learned, those of `policy/realism.py`, and what an evaluation left as
-`summary.json`, where they are kept with `machine` and `command`.
+The leaderboard joins what `readygo benchmark run` measured in pedestrian-nav/1. Below it are files with the `scores` of
+a run that learned, those of `policy/realism.py`, and what an evaluation left as `summary.json`, where they are kept
+with `machine` and `command`.
 """
 
 import json
@@ -12,6 +13,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from readygo.apps.benchmark.leaderboard import INPUT_TITLES, input_cells
+from readygo.common.config import section_from_mapping
+from readygo.runs.benchmark.inputs import DriverInputs
+from readygo.runs.benchmark.suite import PEDESTRIAN_NAV, open_suite
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS, PAGE, README = ROOT / "benchmarks" / "results", ROOT / "docs" / "tables.md", ROOT / "README.md"
@@ -34,6 +40,13 @@ COLUMNS = {
     "pedestrian collision %": ("human_collision", 100.0),
 }
 """Titles, and the measure with the factor for the unit that is shown."""
+IN_PAPER_CELL = {
+    "Total": ("total", 1.0),
+    "SR %": ("success", 100.0),
+    "SPL": ("spl", 1.0),
+    "PSC %": ("compliance", 100.0),
+}
+"""Titles and measures of the leaderboard, with the factor for the unit that is shown."""
 OF_SCORES = {"static_collision": "static_collision_rate", "human_collision": "human_collision_rate"}
 """What the scores of a run that learned call a measure, where they call it something else."""
 
@@ -70,12 +83,57 @@ def page(results: Path) -> str:
     Args:
         results: Folder of kept runs.
     """
-    lines = [INTRODUCTION]
-    for path in sorted(results.glob("*.json")):
-        kept = json.loads(path.read_text())
-        for table in tables_of(kept) if isinstance(kept, dict) else []:
-            lines += [*_section(table, path.name, kept), ""]
+    found = {path.name: json.loads(path.read_text()) for path in sorted(results.glob("*.json"))}
+    kept = {name: each for name, each in found.items() if isinstance(each, dict)}
+    lines = [INTRODUCTION, *leaderboard({name: each for name, each in kept.items() if "suite_sha256" in each})]
+    for name, each in kept.items():
+        for table in tables_of(each):
+            lines += [*_section(table, name, each), ""]
     return "\n".join(lines)
+
+
+def leaderboard(kept: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """One table of all drivers of the suite, the best total in the paper's cell first.
+
+    Args:
+        kept: Results of `readygo benchmark run`, by the names of their files.
+
+    Raises:
+        ValueError: If a file is of another suite.
+    """
+    if not kept:
+        return []
+    suite = open_suite(PEDESTRIAN_NAV)
+    if other := [name for name, each in kept.items() if each["suite_sha256"] != suite.sha256]:
+        raise ValueError(f"{other[0]} is not of the suite {PEDESTRIAN_NAV}.")
+    cell = suite.suite.paper_cell
+    drivers = [(name, driver) for name, each in kept.items() for driver in each["drivers"]]
+    drivers.sort(key=lambda place: -kept[place[0]]["cells"][cell][place[1]]["total"]["mean"])
+    titles = ["driver", *IN_PAPER_CELL, "SR % of all cells", *INPUT_TITLES, "Training seeds", "Episodes per cell"]
+    return [
+        f"## Leaderboard of {suite.suite.name}\n",
+        f"Total, SR, SPL and PSC in the cell `{cell}`, where the paper's figures are comparable; beside them the mean "
+        "SR of all cells. [What the cells and columns are](benchmark.md), [results](results/benchmark.md).\n",
+        f"From {', '.join(f'`benchmarks/results/{name}`' for name in kept)}.\n",
+        f"| {' | '.join(titles)} |",
+        "|---" * len(titles) + "|",
+        *(f"| {' | '.join(_leaderboard_row(kept[name], driver, cell))} |" for name, driver in drivers),
+        "",
+    ]
+
+
+def _leaderboard_row(kept: Mapping[str, Any], driver: str, cell: str) -> list[str]:
+    scores = kept["cells"][cell][driver]
+    inputs = section_from_mapping(DriverInputs, kept["drivers"][driver]["inputs"])
+    rates = [each[driver]["success"]["mean"] for each in kept["cells"].values()]
+    return [
+        f"`{driver}`",
+        *(_cell(scores[measure], factor) for measure, factor in IN_PAPER_CELL.values()),
+        f"{100.0 * sum(rates) / len(rates):.0f}",
+        *input_cells(inputs),
+        "1" if inputs.learns else "",
+        str(kept["episodes"]),
+    ]
 
 
 def _section(table: Table, name: str, kept: Mapping[str, Any]) -> Iterator[str]:

@@ -17,6 +17,9 @@ from readygo import Observation, RobotConfig
 class KeepsAway:
     """Steers to the goal, and away from the darker half of the image."""
 
+    trained_on = ""
+    """What it has learned from, for the table of `readygo benchmark`: here nothing."""
+
     def __init__(self, robot: RobotConfig) -> None:
         self._robot = robot
 

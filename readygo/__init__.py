@@ -10,9 +10,9 @@ Robot: x forward, y left. Camera: OpenCV's axes. `T_world_camera` maps camera co
     data.decode(0)                       # the first image, uint8 (H, W, 3)
 """
 
-import sys
 from typing import TYPE_CHECKING
 
+from readygo.common.import_hook import import_after
 from readygo.common.lazy import lazy_names
 
 if TYPE_CHECKING:
@@ -101,8 +101,7 @@ if not TYPE_CHECKING:
     __getattr__ = lazy_names(__name__, _NAMES)
 
     # For "readygo:ReadyGo/PointNav-v0", Gymnasium imports this module and then looks for an environment of that name.
-    if "gymnasium" in sys.modules:
-        from readygo.apps.gym import registration as _registration  # noqa: F401
+    import_after("gymnasium", "readygo.apps.gym.registration")
 
     def __dir__() -> list[str]:
         return sorted({*globals(), *__all__})

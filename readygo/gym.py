@@ -3,7 +3,7 @@
 `ReadyGo/StateNav-v0` tells robots states instead of images.
 
 Gymnasium imports the module before the colon; after `import readygo.gym` the name without it works too. The prefix
-`readygo:` works where Gymnasium was imported before readygo, which does not load it.
+`readygo:` works as well.
 """
 
 from readygo.apps.gym import registration as registration

@@ -10,11 +10,12 @@ from readygo.common.files import open_regular
 from readygo.common.perception.artifact import GRAPH_FILE, SPEC_FILE
 from readygo.common.state_policy.state_policy import ACTOR_FILE, STATE_POLICY_FILE
 from readygo.runs.methods import (
-    NETWORKS,
     PERCEIVE_AND_ACT,
     PERCEIVE_AND_PLAN,
     PERCEPTION,
     RL,
+    network_file,
+    network_of,
     other_policies,
     state_policies,
 )
@@ -58,7 +59,7 @@ def _hash(method: str, checkpoints: Path) -> str:
             return _files_hash([folder / STATE_POLICY_FILE, folder / ACTOR_FILE])
         if files := perception_files(method, checkpoints):
             return _files_hash(files)
-        path = checkpoints / NETWORKS[method] if method in NETWORKS else _source(method)
+        path = network_file(method, checkpoints) if network_of(method) else _source(method)
         return _file_hash(path) if path else ""
     except OSError:
         return ""

@@ -65,6 +65,27 @@ def needs_renderer(methods: Sequence[str], checkpoints: Path = CHECKPOINTS) -> b
     return any(method not in blind for method in methods)
 
 
+def network_of(method: str) -> str:
+    """The published network that a method is; empty if it is none.
+
+    Args:
+        method: Name of a method: `gnm`, or `gnm/fine-tuned` for the weights in a folder of that name.
+    """
+    name = method.partition("/")[0]
+    return name if name in NETWORKS and ":" not in method else ""
+
+
+def network_file(method: str, checkpoints: Path) -> Path:
+    """The weights of a method that is a published network.
+
+    Args:
+        method: Name of the method, see `network_of`.
+        checkpoints: Folder of weights and policies.
+    """
+    name, _, folder = method.partition("/")
+    return (checkpoints / method if folder else checkpoints) / NETWORKS[name]
+
+
 def state_policies(methods: Sequence[str], checkpoints: Path) -> dict[str, Path]:
     """Folders of the methods that are state policies, from `readygo rl`, by their names in `checkpoints`.
 
@@ -72,7 +93,7 @@ def state_policies(methods: Sequence[str], checkpoints: Path) -> dict[str, Path]
         methods: Names of methods of any kind.
         checkpoints: Folder of policies.
     """
-    names = [name for name in methods if name not in (*BLIND, POLICY, *NETWORKS) and ":" not in name]
+    names = [name for name in methods if _may_be_policy(name)]
     return {name: checkpoints / name for name in names if is_state_policy(checkpoints / name)}
 
 
@@ -85,11 +106,15 @@ def other_policies(methods: Sequence[str], checkpoints: Path) -> dict[str, Path]
     """
     found: dict[str, Path] = {}
     for name in methods:
-        if name in (*BLIND, POLICY, *NETWORKS) or ":" in name:
+        if not _may_be_policy(name):
             continue
         places = [place for place in (checkpoints / name, checkpoints / name / "policy") if _is_policy(place)]
         found |= {name: places[0]} if places else {}
     return found
+
+
+def _may_be_policy(name: str) -> bool:
+    return name not in (*BLIND, POLICY) and not network_of(name) and ":" not in name
 
 
 def _is_policy(folder: Path) -> bool:
@@ -124,7 +149,11 @@ def named_methods(
             for name, folder in state_policies((RL, *methods), checkpoints).items()
         },
         **{name: _policy(name, folder, hold_steps) for name, folder in policies.items()},
-        **{name: _network(name, checkpoints / file) for name, file in NETWORKS.items()},
+        **{
+            name: _network(network_of(name), network_file(name, checkpoints))
+            for name in (*NETWORKS, *methods)
+            if network_of(name)
+        },
     }
     return known | {name: _custom(name) for name in methods if ":" in name}
 

@@ -14,6 +14,7 @@ from readygo.common.dataset import Dataset
 from readygo.common.dataset.provenance import Provenance
 from readygo.common.errors import ConfigError, PolicyError, RunError
 from readygo.common.messages import RunSpec
+from readygo.common.perception import PerceptionSpec
 from readygo.common.policy import PolicySpec, load_spec, save_spec
 from readygo.runs.config import RunConfig, merge_sections
 from readygo.runs.folder import RunFolder
@@ -70,12 +71,16 @@ def origin_of_policy(spec: PolicySpec) -> DataOrigin | None:
     Raises:
         PolicyError: If the entry is invalid.
     """
-    if KEY not in spec.training:
-        return None
-    try:
-        return section_from_mapping(DataOrigin, spec.training[KEY])
-    except (ConfigError, TypeError) as error:
-        raise PolicyError(f"[training.{KEY}] of the policy's policy.toml cannot be used: {error}") from error
+    return _read_origin(spec.training, "the policy's policy.toml")
+
+
+def origin_of_perception(spec: PerceptionSpec) -> DataOrigin | None:
+    """The origin of the data in the spec of a network that perceives; None if the spec has none.
+
+    Raises:
+        PolicyError: If the entry is invalid.
+    """
+    return _read_origin(spec.training, "the network's perception.toml")
 
 
 def with_origin(spec: PolicySpec, origin: DataOrigin) -> PolicySpec:
@@ -181,6 +186,15 @@ def check_unseen(spec: PolicySpec, run: RunSpec, unseen: Collection[str]) -> Non
             f"--unseen avatars needs {TRAIN_MIN} or more avatars in the policy's data and {TEST_MIN} or more here; "
             f"there are {len(origin.avatars)} and {len(run.avatar_hashes)}."
         )
+
+
+def _read_origin(training: Mapping[str, Any], where: str) -> DataOrigin | None:
+    if KEY not in training:
+        return None
+    try:
+        return section_from_mapping(DataOrigin, training[KEY])
+    except (ConfigError, TypeError) as error:
+        raise PolicyError(f"[training.{KEY}] of {where} cannot be used: {error}") from error
 
 
 def _shared(configs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from readygo.runs.benchmark.folder import (
     BenchmarkManifest,
     cell_folder,
     check_suite,
+    join_origins,
     read_manifest,
     write_manifest,
 )
@@ -112,8 +113,7 @@ def _joined(folder: Path, earlier: Mapping[str, str], now: Mapping[str, str]) ->
                 f"{folder} has records of the {what} {earlier.get(name)}, this is {now[name]}: records of both do not "
                 "agree to the bit. Give another --out; `readygo benchmark table` takes several folders."
             )
-    commits = dict.fromkeys([*earlier.get("commit", "").split(", "), now["commit"]])
-    return {**now, "commit": ", ".join(filter(None, commits))}
+    return join_origins([earlier, now])
 
 
 def cell_evaluator(

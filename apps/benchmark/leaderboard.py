@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,8 +13,15 @@ from readygo.apps.report.markdown import markdown_lines
 from readygo.apps.report.page import Block, Estimate, MediaFigure, PageTable, Subheading, page, small_print
 from readygo.apps.report.tables import measure_cell, measure_title
 from readygo.common.errors import RunError
-from readygo.runs.benchmark.folder import BenchmarkedDriver, check_suite, read_cells, read_manifest
-from readygo.runs.benchmark.inputs import row_of
+from readygo.runs.benchmark.folder import (
+    BenchmarkedDriver,
+    check_suite,
+    check_unchanged,
+    join_origins,
+    read_cells,
+    read_manifest,
+)
+from readygo.runs.benchmark.inputs import DriverInputs, row_of
 from readygo.runs.benchmark.suite import OpenSuite
 from readygo.services.evaluator import (
     EXPERT,
@@ -43,8 +51,14 @@ _NOTE = (
 )
 _INPUTS_NOTE = (
     "All are given the goal. Map: it knows the scene's map and its place on it. People: which people it is told of. "
-    "Scenes seen: scenes of the suite among the data of its training. Training seeds: policies behind the row."
+    "Scenes seen: scenes of the suite among the data of its training. Training seeds: different policies of a row. "
+    "Rows that were made with different versions name theirs; records of two numeric classes may differ in last digits."
 )
+INPUT_TITLES = ("Map", "People", "Images", "Trained on", "Scenes seen")
+_NOT_STATED = "not stated"
+_MADE_WITH = (("readygo", "readygo"), ("commit", "Commit"), ("numeric_class", "Numeric class"))
+"""What rows are made with, and its titles: columns where rows differ in it."""
+_HASH = re.compile(r"\b[0-9a-f]{40}\b")
 _COMPARISON_NOTE = (
     "The same episodes for both: p of McNemar's exact test of the successes, differences with paired bootstrap "
     "intervals of 95 %. No correction for many comparisons."
@@ -59,7 +73,9 @@ class LeaderboardRow:
     driver: BenchmarkedDriver
     """The first of its drivers."""
     seeds: int
-    """Policies behind the row; 0 for drivers that learn nothing."""
+    """Different policies behind the row; 0 for drivers that learn nothing, or that do not say whether they do."""
+    made_by: Mapping[str, str]
+    """Versions, commits and numeric classes that its records were made with."""
     cells: Mapping[str, Sequence[EpisodeRecord]]
     """Records by cell, under the names of their drivers."""
 
@@ -77,8 +93,6 @@ class Leaderboard:
     rows: Sequence[LeaderboardRow]
     reference: str
     """Driver that all others are compared with."""
-    made_by: Mapping[str, str]
-    """Versions of the first folder."""
     folders: Mapping[str, Path]
     """Folder of each driver's records."""
 
@@ -111,15 +125,17 @@ def read_leaderboard(folders: Sequence[Path], suite: OpenSuite, reference: str =
         The leaderboard, its rows by their total in the paper's cell.
 
     Raises:
-        RunError: If a folder is of another suite or lacks records, two have different drivers of one name, or there is
-            no reference.
+        RunError: If a folder is of another suite, was changed, or lacks records, two have different drivers of one
+            name, or there is no reference.
     """
     drivers: dict[str, BenchmarkedDriver] = {}
+    made_by: dict[str, Mapping[str, str]] = {}
     places: dict[str, Path] = {}
     cells: dict[str, list[EpisodeRecord]] = {cell: [] for cell in suite.suite.cells}
-    manifests = [read_manifest(folder) for folder in folders]
-    for folder, manifest in zip(folders, manifests, strict=True):
+    for folder in folders:
+        manifest = read_manifest(folder)
         check_suite(manifest, suite, folder)
+        check_unchanged(folder, suite, manifest)
         for name, driver in manifest.drivers.items():
             if drivers.get(name, driver).sha256 != driver.sha256:
                 raise RunError(
@@ -127,6 +143,7 @@ def read_leaderboard(folders: Sequence[Path], suite: OpenSuite, reference: str =
                 )
         new = manifest.drivers.keys() - drivers.keys()
         places |= dict.fromkeys(new, folder)
+        made_by |= dict.fromkeys(new, manifest.made_by)
         for cell, records in read_cells(folder, suite, new).items():
             cells[cell] += records
         drivers |= {name: manifest.drivers[name] for name in manifest.drivers if name in new}
@@ -139,9 +156,8 @@ def read_leaderboard(folders: Sequence[Path], suite: OpenSuite, reference: str =
         raise RunError(f"There is no driver {reference!r} to compare with; there are {', '.join(drivers)}.")
     board = Leaderboard(
         suite=suite,
-        rows=_rows(drivers, cells),
+        rows=_rows(drivers, made_by, cells),
         reference=reference,
-        made_by=manifests[0].made_by,
         folders=places,
     )
     totals = {row: scores["total"].mean for row, scores in board.scores(suite.suite.paper_cell).items()}
@@ -149,7 +165,9 @@ def read_leaderboard(folders: Sequence[Path], suite: OpenSuite, reference: str =
 
 
 def _rows(
-    drivers: Mapping[str, BenchmarkedDriver], cells: Mapping[str, Sequence[EpisodeRecord]]
+    drivers: Mapping[str, BenchmarkedDriver],
+    made_by: Mapping[str, Mapping[str, str]],
+    cells: Mapping[str, Sequence[EpisodeRecord]],
 ) -> list[LeaderboardRow]:
     groups: dict[str, list[str]] = {}
     for name in drivers:
@@ -158,7 +176,8 @@ def _rows(
         LeaderboardRow(
             name=row,
             driver=drivers[names[0]],
-            seeds=len(names) if drivers[names[0]].inputs.trained_on else 0,
+            seeds=len({drivers[name].sha256 for name in names}) if drivers[names[0]].inputs.learns else 0,
+            made_by=join_origins(made_by[name] for name in names),
             cells={cell: [record for record in records if record.method in names] for cell, records in cells.items()},
         )
         for row, names in groups.items()
@@ -211,19 +230,25 @@ def leaderboard_html(board: Leaderboard, films: Sequence[MediaFigure] = ()) -> s
             (f"{total:.2f}", f"best total, {short_name(best)}"),
         ],
         sections={**leaderboard_tables(board), "Median and worst episodes": list(films)},
-        facts={"suite": f"{suite.name} {board.suite.sha256[:12]}", **board.made_by},
+        facts={"suite": f"{suite.name} {board.suite.sha256[:12]}", **_facts(board)},
     )
 
 
 def leaderboard_markdown(board: Leaderboard) -> str:
     """The tables of a leaderboard in Markdown."""
     suite = board.suite.suite
-    lines = [f"# Leaderboard of {suite.name}", "", f"Suite {board.suite.sha256}; {board.episodes} episodes per cell."]
+    facts = "; ".join([f"Suite {board.suite.sha256}", *(f"{name} {value}" for name, value in _facts(board).items())])
+    lines = [f"# Leaderboard of {suite.name}", "", f"{facts}; {board.episodes} episodes per cell."]
     for heading, blocks in leaderboard_tables(board).items():
         lines += ["", f"## {heading}"]
         for block in blocks:
             lines += ["", *markdown_lines(block)]
     return "\n".join([*lines, ""])
+
+
+def _facts(board: Leaderboard) -> dict[str, str]:
+    """All versions, commits and numeric classes that its records were made with."""
+    return {name: _short_hashes(value) for name, value in join_origins(row.made_by for row in board.rows).items()}
 
 
 def films_to_show(board: Leaderboard) -> list[tuple[LeaderboardRow, str, EpisodeRecord]]:
@@ -236,21 +261,41 @@ def films_to_show(board: Leaderboard) -> list[tuple[LeaderboardRow, str, Episode
 
 
 def _driver_table(board: Leaderboard) -> PageTable:
-    columns = ("Driver", "Map", "People", "Images", "Trained on", "Scenes seen", "Training seeds", "Episodes per cell")
+    columns = ("Driver", *INPUT_TITLES, "Training seeds", "Episodes per cell")
+    differing = [(name, title) for name, title in _MADE_WITH if len({row.made_by.get(name) for row in board.rows}) > 1]
     cells = [
         [
             short_name(row.name),
-            "yes" if row.driver.inputs.map else "no",
-            row.driver.inputs.people or "no",
-            ", ".join(row.driver.inputs.images) or "no",
-            row.driver.inputs.trained_on or "nothing",
-            ", ".join(row.driver.inputs.seen) or "none",
+            *input_cells(row.driver.inputs),
             str(row.seeds or ""),
             str(row.episodes) + ("" if row.episodes == board.suite.suite.episodes else ", incomplete"),
+            *(_short_hashes(row.made_by.get(name, "")) for name, _ in differing),
         ]
         for row in board.rows
     ]
-    return PageTable(columns, cells, text_columns=6)
+    return PageTable((*columns, *(title for _, title in differing)), cells, text_columns=1 + len(INPUT_TITLES))
+
+
+def input_cells(inputs: DriverInputs) -> list[str]:
+    """What a driver is given and has learned from, as `INPUT_TITLES` has the columns."""
+    return [
+        "yes" if inputs.map else "no",
+        inputs.people or "no",
+        ", ".join(inputs.images) or "no",
+        _stated(inputs.trained_on, "nothing"),
+        _stated(inputs.seen, "none"),
+    ]
+
+
+def _stated(value: str | Sequence[str] | None, empty: str) -> str:
+    """What a driver states, in words."""
+    if value is None:
+        return _NOT_STATED
+    return (value if isinstance(value, str) else ", ".join(value)) or empty
+
+
+def _short_hashes(text: str) -> str:
+    return _HASH.sub(lambda match: match[0][:12], text)
 
 
 def _measure_table(rows: Iterable[LeaderboardRow], scores: Mapping[str, Mapping[str, Score]]) -> PageTable:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from readygo.common.errors import RunError
 from readygo.common.files import read_regular, write_then_rename
-from readygo.runs.benchmark.folder import MANIFEST_FILE, SUITE_FILE, check_suite, defects, read_manifest
+from readygo.runs.benchmark.folder import MANIFEST_FILE, SUITE_FILE, check_suite, check_unchanged, read_manifest
 from readygo.runs.benchmark.suite import OpenSuite
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)
@@ -32,8 +32,7 @@ def pack_results(folder: Path, suite: OpenSuite, out: Path) -> int:
         raise RunError(
             f"{folder} has {manifest.episodes} of {suite.suite.episodes} episodes per cell and driver: run the rest."
         )
-    if lines := defects(folder, suite, manifest):
-        raise RunError(f"{folder} is not as it was driven: {lines[0]}{'' if len(lines) == 1 else ', and more'}.")
+    check_unchanged(folder, suite, manifest)
     names = sorted([MANIFEST_FILE, SUITE_FILE, *manifest.files])
     with write_then_rename(out, raises=RunError) as part, zipfile.ZipFile(part, "w") as archive:
         for name in names:

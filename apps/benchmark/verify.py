@@ -10,6 +10,7 @@ import numpy as np
 
 from readygo.apps.benchmark.drive import cell_evaluator
 from readygo.common.arrays import Float64Array
+from readygo.common.config import section_differences
 from readygo.common.errors import RunError
 from readygo.runs.benchmark.folder import (
     MANIFEST_FILE,
@@ -19,6 +20,7 @@ from readygo.runs.benchmark.folder import (
     defects,
     read_cells,
     read_manifest,
+    stated_inputs,
 )
 from readygo.runs.benchmark.inputs import inputs_of
 from readygo.runs.benchmark.suite import OpenSuite
@@ -100,12 +102,14 @@ def _check_drivers(manifest: BenchmarkManifest, checkpoints: Path) -> None:
 
 
 def _wrong_inputs(manifest: BenchmarkManifest, verification: Verification) -> list[str]:
-    """A line for every driver that is given, or has learned from, something else than the manifest says."""
+    """A line for everything that a driver is given, or has learned from, other than the manifest says."""
     scenes = verification.suite.scene_hashes
     return [
-        f"{MANIFEST_FILE}: {name} is not given what it says"
+        f"{MANIFEST_FILE}: {field} of {name} is {said!r} there, found {found!r}"
         for name, driver in manifest.drivers.items()
-        if driver.inputs != inputs_of(name, verification.checkpoints, scenes)
+        for field, found, said in section_differences(
+            stated_inputs(manifest, name, inputs_of(name, verification.checkpoints, scenes)), driver.inputs
+        )
     ]
 
 

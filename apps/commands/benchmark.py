@@ -21,13 +21,18 @@ from readygo.common.errors import ConfigError, PolicyError, RunError
 from readygo.common.files import write_whole
 from readygo.runs.benchmark.folder import CELLS_FOLDER, BenchmarkManifest, read_manifest
 from readygo.runs.benchmark.suite import SUITES, OpenSuite, open_suite
-from readygo.runs.benchmark.weights import PARAMETERS, check_weights
-from readygo.runs.methods import CHECKPOINTS
+from readygo.runs.benchmark.weights import DOWNLOAD, PARAMETERS, check_weights
+from readygo.runs.methods import CHECKPOINTS, NETWORKS, network_of
 from readygo.runs.trained import check_out
 from readygo.services.evaluator import short_name
 
 PAGE_FILE, MARKDOWN_FILE = "leaderboard.html", "leaderboard.md"
 MISMATCHES_SHOWN = 20
+_WEIGHTS_NOTE = (
+    f"The authors offer {', '.join(NETWORKS.values())} at {DOWNLOAD}.\n"
+    "readygo pins no hashes of them: their files could not be fetched where it was made. Compare the hashes below with "
+    "those that others print."
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +47,7 @@ class BenchmarkRunOptions:
     drivers: Positional[tuple[str, ...]] = ()
     """As --methods of `readygo evaluate`: expert, social-force and so on, a policy by the name of its folder in
     `checkpoints`, or your class as folder/file.py:MyDriver. Policies of several training seeds are folders in one
-    folder, mine/0 and mine/1: they become one row of the table."""
+    folder, mine/0 and mine/1: they become one row of the table. gnm/zero-shot and gnm/fine-tuned are two rows."""
     out: Path
     """Folder for the records, their hashes and scores; further drivers may join those that are there."""
     episodes: int | None = None
@@ -172,9 +177,11 @@ def benchmark_weights(options: BenchmarkWeightsOptions) -> None:
     """Say which files the published networks GNM, ViNT and NoMaD need, and check those of a folder by loading them."""
     console = PlainConsole(soft_wrap=True)
     found = check_weights(options.checkpoints)
+    console.print(_WEIGHTS_NOTE, markup=False)
     for weights in found:
         said = weights.defect or f"{weights.path} is {weights.driver}, SHA-256 {weights.sha256}."
-        console.print(f"{weights.driver}, {PARAMETERS[weights.driver]:,} numbers: {said}", markup=False)
+        count = PARAMETERS[network_of(weights.driver)]
+        console.print(f"{weights.driver}, {count:,} numbers: {said}", markup=False)
     if missing := [weights.driver for weights in found if weights.defect]:
         raise PolicyError(f"{', '.join(missing)} cannot drive with what is in {options.checkpoints}.")
 

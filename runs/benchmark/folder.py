@@ -5,9 +5,11 @@ suite.toml                          the suite as it was driven
 cells/CELL/SCENE/episodes.jsonl     results of an evaluation, see `services/evaluator/README.md`
 """
 
+import dataclasses
 import hashlib
 import json
-from collections.abc import Collection, Iterator, Mapping, Sequence
+import math
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,14 +18,16 @@ from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.documents import read_json, write_json
 from readygo.common.errors import ConfigError, RunError, cause
 from readygo.common.files import read_regular, write_whole
-from readygo.runs.benchmark.inputs import DriverInputs
+from readygo.runs.benchmark.inputs import DriverInputs, unstated
 from readygo.runs.benchmark.suite import OpenSuite
 from readygo.services.evaluator import EpisodeRecord, read_results, score_mapping, scores_of
 
-RESULTS_FORMAT = "readygo-benchmark/1"
+RESULTS_FORMAT, FIRST_FORMAT = "readygo-benchmark/2", "readygo-benchmark/1"
+"""The first one does not state what all kinds of drivers have learned from, see `unstated`."""
 MANIFEST_FILE, SUITE_FILE, CELLS_FOLDER = "benchmark.json", "suite.toml", "cells"
 RECORD_FILES = ("episodes.jsonl", "trajectories.jsonl", "settings.json")
 """Files of an evaluation that a result consists of."""
+_SCORES_RTOL = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,11 +142,33 @@ def read_manifest(folder: Path) -> BenchmarkManifest:
         raise RunError(f"{folder} holds no finished benchmark: let `readygo benchmark run` end into it.") from error
     except (OSError, ValueError, ConfigError) as error:
         raise RunError(f"{path} cannot be read: {cause(error)}") from error
-    if manifest.format != RESULTS_FORMAT:
+    if manifest.format not in (RESULTS_FORMAT, FIRST_FORMAT):
         raise RunError(f"{path} is of the format {manifest.format!r}, this version reads {RESULTS_FORMAT}.")
     if not manifest.drivers:
         raise RunError(f"{path} names no driver: let `readygo benchmark run` end into {folder}.")
-    return manifest
+    drivers = {
+        name: dataclasses.replace(driver, inputs=stated_inputs(manifest, name, driver.inputs))
+        for name, driver in manifest.drivers.items()
+    }
+    return dataclasses.replace(manifest, drivers=drivers)
+
+
+def stated_inputs(manifest: BenchmarkManifest, driver: str, inputs: DriverInputs) -> DriverInputs:
+    """What a manifest of its format states of a driver with these inputs."""
+    return unstated(driver, inputs) if manifest.format == FIRST_FORMAT else inputs
+
+
+def join_origins(origins: Iterable[Mapping[str, str]]) -> dict[str, str]:
+    """What several records were made with: all versions, commits and numeric classes, each once.
+
+    Args:
+        origins: As `BenchmarkManifest.made_by`.
+    """
+    found: dict[str, dict[str, None]] = {}
+    for origin in origins:
+        for name, value in origin.items():
+            found.setdefault(name, {}).update(dict.fromkeys(filter(None, value.split(", "))))
+    return {name: ", ".join(values) for name, values in found.items()}
 
 
 def check_suite(manifest: BenchmarkManifest, suite: OpenSuite, folder: Path) -> None:
@@ -175,8 +201,14 @@ def defects(folder: Path, suite: OpenSuite, manifest: BenchmarkManifest) -> list
     return lines + [
         f"{MANIFEST_FILE}: the scores of {cell} do not follow from its records"
         for cell in suite.suite.cells
-        if manifest.scores.get(cell) != scores[cell]
+        if not _same_scores(manifest.scores.get(cell), scores[cell])
     ]
+
+
+def check_unchanged(folder: Path, suite: OpenSuite, manifest: BenchmarkManifest) -> None:
+    """Raise RunError if a folder was changed since its manifest was written, or its records cannot be read."""
+    if lines := defects(folder, suite, manifest):
+        raise RunError(f"{folder} is not as it was driven: {lines[0]}{'' if len(lines) == 1 else ', and more'}.")
 
 
 def _progress(
@@ -185,6 +217,19 @@ def _progress(
     """Episodes of a cell that every driver drove, and whether these are all of the suite's."""
     counts = [sum(record.method == name for record in records) for records in cells.values() for name in drivers]
     return min(counts), set(counts) == {suite.suite.episodes}
+
+
+def _same_scores(theirs: Any, ours: Any) -> bool:
+    """True if scores are the same, up to the last digits, in which machines of two numeric classes may differ."""
+    if isinstance(ours, dict):
+        return (
+            isinstance(theirs, dict)
+            and theirs.keys() == ours.keys()
+            and all(_same_scores(theirs[name], value) for name, value in ours.items())
+        )
+    if isinstance(ours, float) and isinstance(theirs, float):
+        return math.isclose(theirs, ours, rel_tol=_SCORES_RTOL, abs_tol=_SCORES_RTOL)
+    return bool(theirs == ours)
 
 
 def _digests(folder: Path, suite: OpenSuite, *more: str) -> Iterator[tuple[str, str]]:

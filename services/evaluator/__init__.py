@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from readygo.services.evaluator.categories import Category as Category
     from readygo.services.evaluator.config import EvaluatorConfig as EvaluatorConfig
     from readygo.services.evaluator.custom_method import load_custom_method as load_custom_method
+    from readygo.services.evaluator.custom_method import stated_training as stated_training
     from readygo.services.evaluator.drivers import EXPERT as EXPERT
     from readygo.services.evaluator.drivers import POLICY as POLICY
     from readygo.services.evaluator.drivers import STRAIGHT_LINE as STRAIGHT_LINE
@@ -66,7 +67,7 @@ else:
         ),
         ".categories": ("Category",),
         ".config": ("EvaluatorConfig",),
-        ".custom_method": ("load_custom_method",),
+        ".custom_method": ("load_custom_method", "stated_training"),
         ".drivers": (
             "EXPERT",
             "POLICY",

@@ -23,7 +23,10 @@ LIMIT_S = 10.0
 
 
 class Method(Protocol):
-    """Interface of a user's class; it is constructed once, with the robot that it drives."""
+    """Interface of a user's class; it is constructed once, with the robot that it drives.
+
+    An attribute `trained_on` of the class says in the benchmark's table what it has learned from: "" for nothing.
+    """
 
     def start(self) -> Any:
         """The memory of a new episode."""
@@ -112,6 +115,24 @@ def load_custom_method(name: str, evaluator: Evaluator) -> CustomDriver:
     if missing:
         raise RunError(f"The method {name} has no {missing[0]}(): it needs start() and act(memory, observation).")
     return CustomDriver(method, evaluator.eyes())
+
+
+def stated_training(name: str) -> str | None:
+    """What a user's class says that it has learned from, in its attribute `trained_on`.
+
+    Args:
+        name: `my_package:MyDriver`, or `folder/file.py:MyDriver`.
+
+    Returns:
+        Its words, empty if it has learned from nothing; None if it has no such attribute.
+
+    Raises:
+        RunError: If it cannot be imported, or the attribute is no text.
+    """
+    stated = getattr(_find(name), "trained_on", None)
+    if stated is not None and not isinstance(stated, str):
+        raise RunError(f"The attribute trained_on of {name} must be a text, got {_short(stated)}.")
+    return stated
 
 
 def _find(name: str) -> Callable[[RobotConfig], Any]:

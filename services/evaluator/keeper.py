@@ -105,5 +105,5 @@ def handle_keep(keeper: Keeper, request: KeepRequest) -> Verdict:
 def _record(mapping: Mapping[str, object]) -> EpisodeRecord:
     try:
         return record_of_mapping(mapping)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise RunError(f"That is no record of an episode: {error!r}.") from error
+    except ValueError as error:
+        raise RunError(f"That is no record of an episode: {error}.") from error

@@ -14,6 +14,7 @@ from readygo.common.config import section_from_mapping
 from readygo.common.episode import Conduct, EpisodeSimulation
 from readygo.common.episode.conduct import Sees, conduct_of
 from readygo.common.episode.metrics import EpisodeResult, TaskSummary, summarize
+from readygo.common.errors import ConfigError
 from readygo.common.messages import EpisodeKey, Outcome, Split
 from readygo.common.messages.live import LiveEvaluation
 from readygo.services.evaluator.categories import Category, category_of
@@ -83,22 +84,31 @@ def shown_record(record: EpisodeRecord, policy: str = "") -> LiveEvaluation:
 
 
 def record_of_mapping(mapping: Mapping[str, Any]) -> EpisodeRecord:
-    """The record of which `EpisodeRecord.to_mapping` gave the plain values."""
-    return EpisodeRecord(
-        episode=EpisodeKey(seed=mapping["seed"], split=Split(mapping["split"]), index=mapping["index"]),
-        task=Task(mapping["task"]),
-        method=str(mapping["method"]),
-        result=EpisodeResult(
-            outcome=Outcome(mapping["outcome"]),
-            duration_s=mapping["duration_s"],
-            path_length_m=mapping["path_length_m"],
-            shortest_m=_or_infinite(mapping["shortest_m"]),
-            conduct=section_from_mapping(Conduct, mapping["conduct"]) if "conduct" in mapping else None,
-        ),
-        human_distance_min_m=_or_infinite(mapping["human_distance_min_m"]),
-        category=Category[mapping["category"].upper()] if "category" in mapping else None,
-        reason=mapping.get("reason", ""),
-    )
+    """The record of which `EpisodeRecord.to_mapping` gave the plain values.
+
+    Raises:
+        ValueError: If a value is missing, or none that a record has.
+    """
+    try:
+        return EpisodeRecord(
+            episode=EpisodeKey(
+                seed=_integer(mapping, "seed"), split=Split(mapping["split"]), index=_integer(mapping, "index")
+            ),
+            task=Task(mapping["task"]),
+            method=str(mapping["method"]),
+            result=EpisodeResult(
+                outcome=Outcome(mapping["outcome"]),
+                duration_s=_measured(mapping, "duration_s"),
+                path_length_m=_measured(mapping, "path_length_m"),
+                shortest_m=_measured_or_infinite(mapping, "shortest_m"),
+                conduct=_conduct(mapping["conduct"]) if "conduct" in mapping else None,
+            ),
+            human_distance_min_m=_measured_or_infinite(mapping, "human_distance_min_m"),
+            category=Category[str(mapping["category"]).upper()] if "category" in mapping else None,
+            reason=str(mapping.get("reason", "")),
+        )
+    except (KeyError, TypeError, AttributeError, ConfigError) as error:
+        raise ValueError(f"{type(error).__name__}: {error}") from error
 
 
 def make_record(
@@ -189,8 +199,30 @@ def _round_conduct(conduct: Conduct) -> dict[str, Any]:
     }
 
 
-def _or_infinite(value: float | None) -> float:
-    return math.inf if value is None else value
+def _integer(mapping: Mapping[str, Any], name: str) -> int:
+    value = mapping[name]
+    if type(value) is not int:
+        raise ValueError(f"{name} must be a whole number, got {value!r}")
+    return value
+
+
+def _measured(mapping: Mapping[str, Any], name: str) -> float:
+    """A finite number that is not negative, as all times and distances of a record are."""
+    value = mapping[name]
+    if isinstance(value, bool) or not isinstance(value, int | float) or not (math.isfinite(value) and value >= 0):
+        raise ValueError(f"{name} must be a finite number of at least 0, got {value!r}")
+    return float(value)
+
+
+def _measured_or_infinite(mapping: Mapping[str, Any], name: str) -> float:
+    return math.inf if mapping[name] is None else _measured(mapping, name)
+
+
+def _conduct(mapping: Mapping[str, Any]) -> Conduct:
+    conduct = section_from_mapping(Conduct, mapping)
+    for name in mapping.keys() - {"contact"}:
+        _measured_or_infinite(mapping, name)
+    return conduct
 
 
 def _finite(value: float) -> float | None:

@@ -35,11 +35,7 @@ class Results:
         self.records: dict[RecordKey, EpisodeRecord] = {}
         """All records on disk, by key."""
         self._records, self._trajectories = records, trajectories
-        try:
-            found = [record_of_mapping(mapping) for mapping in _whole_lines(records, folder / RECORDS_FILE)]
-        except (KeyError, TypeError, ValueError) as error:
-            raise RunError(f"{folder / RECORDS_FILE} holds no records: {error!r}; choose another --out.") from error
-        self.records |= {record.key: record for record in found}
+        self.records |= {record.key: record for record in _read_records(records, folder / RECORDS_FILE)}
         for _ in _whole_lines(trajectories, folder / TRAJECTORIES_FILE):
             pass
 
@@ -68,15 +64,21 @@ class Results:
         """Commands that episodes were driven with: v [m/s], w [rad/s], shape (T, 2) each; they make a run once more.
 
         Episodes without a trajectory are left out.
+
+        Raises:
+            RunError: If a line is damaged.
         """
         if not keys:
             return {}
         wanted = {_key_names(key): key for key in keys}
-        found = {}
-        for mapping in _whole_lines(self._trajectories, self.folder / TRAJECTORIES_FILE):
-            key = wanted.get((mapping["episode"], mapping["task"], mapping["method"]))
-            if key is not None:
-                found[key] = np.array(mapping["actions"], dtype=np.float64)
+        found, path = {}, self.folder / TRAJECTORIES_FILE
+        for number, mapping in enumerate(_whole_lines(self._trajectories, path), start=1):
+            try:
+                key = wanted.get((mapping["episode"], mapping["task"], mapping["method"]))
+                if key is not None:
+                    found[key] = np.array(mapping["actions"], dtype=np.float64)
+            except (KeyError, TypeError, ValueError) as error:
+                raise RunError(f"{path} holds no trajectory in line {number}: {error!r}.") from error
         return found
 
     def settings(self) -> dict[str, Any]:
@@ -242,6 +244,14 @@ def _whole_lines(file: BinaryIO, path: Path) -> Iterator[dict[str, Any]]:
             raise RunError(f"{path} is broken in line {number}: {error}; choose another --out.") from error
     if rest and file.writable():
         file.truncate(len(kept) - len(rest))
+
+
+def _read_records(file: BinaryIO, path: Path) -> Iterator[EpisodeRecord]:
+    for number, mapping in enumerate(_whole_lines(file, path), start=1):
+        try:
+            yield record_of_mapping(mapping)
+        except ValueError as error:
+            raise RunError(f"{path} holds no record in line {number}: {error}; choose another --out.") from error
 
 
 def _append(file: BinaryIO, mapping: Mapping[str, Any]) -> None:

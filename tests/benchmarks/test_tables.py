@@ -2,7 +2,8 @@ import json
 
 import pytest
 
-from readygo.benchmarks.tables import PAGE, README, RESULTS, main, page, readme, tables_of
+from readygo.benchmarks.tables import PAGE, README, RESULTS, leaderboard, main, page, readme, tables_of
+from readygo.runs.benchmark.suite import open_suite
 
 
 def score(mean, low, high, count=20):
@@ -40,6 +41,42 @@ def test_rates_are_per_cent_with_their_intervals(tmp_path):
     assert "| dynamic | mesh | 46 (20 to 70) | 12.35 (10.00 to 15.00) |  |  |  | 20 | +2 -7, p 0.18 |" in text
     assert "`benchmarks/results/a.json` (cores 2)" in text
     assert text.count("\n## ") == 1
+
+
+def suite_results(**totals: float) -> dict[str, object]:
+    """Results of drivers that reach half of the goals in one cell and all in another."""
+    suite = open_suite("pedestrian-nav/1")
+    measures = {name: {"spl": score(0.4, 0.3, 0.5), "compliance": score(0.9, 0.8, 1.0)} for name in totals}
+    reached = {cell: {"success": score(mean, mean, mean)} for cell, mean in (("pedestrians-ignore", 0.5), ("empty", 1))}
+    return {
+        "suite_sha256": suite.sha256,
+        "episodes": 20,
+        "drivers": {
+            name: {"inputs": {"images": ["rgb"], "trained_on": "flat" if name == "mine" else ""}} for name in totals
+        },
+        "cells": {
+            cell: {name: {**measures[name], **success, "total": score(totals[name], 0, 1)} for name in totals}
+            for cell, success in reached.items()
+        },
+    }
+
+
+def test_leaderboard_joins_the_drivers_of_all_files_by_their_total():
+    lines = leaderboard({"a.json": suite_results(weak=0.3, mine=0.7), "b.json": suite_results(other=0.5)})
+    rows = [line for line in lines if line.startswith("| `")]
+    assert [row.split("`")[1] for row in rows] == ["mine", "other", "weak"]
+    assert rows[0].startswith(
+        "| `mine` | 0.70 (0.00 to 1.00) | 50 (50 to 50) | 0.40 (0.30 to 0.50) | 90 (80 to 100) | 75 |"
+    )
+    assert rows[0].endswith("| no | no | rgb | flat | none | 1 | 20 |")
+    assert rows[1].endswith("| nothing | none |  | 20 |")
+    assert "`benchmarks/results/a.json`, `benchmarks/results/b.json`" in "".join(lines)
+
+
+def test_leaderboard_of_another_suite_is_refused_and_without_results_there_is_none():
+    with pytest.raises(ValueError, match=r"a\.json is not of the suite pedestrian-nav/1"):
+        leaderboard({"a.json": {**suite_results(mine=0.7), "suite_sha256": "ab"}})
+    assert leaderboard({}) == []
 
 
 def test_comparison_of_fewer_episodes_than_were_driven_says_so(tmp_path):

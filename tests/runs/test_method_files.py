@@ -25,6 +25,13 @@ def test_files_of_methods_have_hashes_and_built_in_ones_none(tmp_path: Path) -> 
     assert set(hashes) == {mine, "gnm", "json:loads"}
 
 
+def test_weights_of_a_network_below_its_name_have_a_hash(tmp_path: Path) -> None:
+    (tmp_path / "gnm" / "fine-tuned").mkdir(parents=True)
+    (tmp_path / "gnm" / "fine-tuned" / "gnm_large.pth").write_bytes(b"weights")
+    hashes = method_hashes(["gnm/fine-tuned", "gnm/zero-shot"], tmp_path)
+    assert hashes == {"gnm/fine-tuned": hashlib.sha256(b"weights").hexdigest()}
+
+
 def test_further_policies_have_the_hash_of_the_policy(tmp_path: Path) -> None:
     mesh, run = write_policy(tmp_path / "vid2sim"), write_policy(tmp_path / "run" / "policy")
     assert method_hashes(["vid2sim", "run"], tmp_path) == {"vid2sim": policy_sha256(mesh), "run": policy_sha256(run)}

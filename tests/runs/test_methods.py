@@ -10,7 +10,16 @@ from readygo.common.messages import Outcome, RobotPlanRequest, Split
 from readygo.common.policy import load_policy
 from readygo.runs.config import load_run_config
 from readygo.runs.evaluation import evaluation_world, make_evaluator, make_request
-from readygo.runs.methods import BLIND, RL, named_methods, needs_renderer, other_policies, state_policies
+from readygo.runs.methods import (
+    BLIND,
+    RL,
+    named_methods,
+    needs_renderer,
+    network_file,
+    network_of,
+    other_policies,
+    state_policies,
+)
 from readygo.services.evaluator import handle_evaluate
 from readygo.services.planner import handle_robot_plan
 from tests.common.policy.artifacts import ROBOT, write_policy
@@ -65,6 +74,7 @@ def test_experts_of_other_recipes_see_nobody_or_know_all(world):
     ("name", "said"),
     [
         ("gnm", r"put gnm_large\.pth of github\.com/robodhruv/visualnav-transformer at .*gnm_large\.pth"),
+        ("gnm/fine-tuned", r"at .*/gnm/fine-tuned/gnm_large\.pth"),
         ("vint", r"vint\.pth"),
         ("nomad", r"nomad\.pth"),
         ("perceive-and-plan", r"perceive-and-plan: .*perception holds no perception\.toml"),
@@ -79,11 +89,19 @@ def test_what_was_trained_elsewhere_and_is_missing_is_named_with_its_place(world
     assert "\n" not in str(caught.value)
 
 
+def test_networks_of_several_weights_are_named_by_their_folders(tmp_path: Path):
+    names = ("gnm", "nomad/zero-shot/0", "mine/gnm", "gnm/a.py:A", "gnm2")
+    assert [network_of(name) for name in names] == ["gnm", "nomad", "", "", ""]
+    assert network_file("gnm", tmp_path) == tmp_path / "gnm_large.pth"
+    assert network_file("nomad/zero-shot/0", tmp_path) == tmp_path / "nomad" / "zero-shot" / "0" / "nomad.pth"
+
+
 def test_policies_are_found_by_the_names_of_their_folders_or_runs(tmp_path: Path):
     flat, run = write_policy(tmp_path / "flat"), write_policy(tmp_path / "run" / "policy")
     (tmp_path / "empty").mkdir()
     write_policy(tmp_path / "expert")
-    asked = ("policy", "expert", "gnm", "json:loads", "flat", "run", "empty", "nowhere")
+    write_policy(tmp_path / "gnm" / "0")
+    asked = ("policy", "expert", "gnm", "gnm/0", "json:loads", "flat", "run", "empty", "nowhere")
     assert other_policies(asked, tmp_path) == {"flat": flat, "run": run}
 
 

@@ -1,3 +1,4 @@
+import json
 import shutil
 from pathlib import Path
 
@@ -18,7 +19,14 @@ from readygo.runs.benchmark.suite import OpenSuite
 from tests.runs.benchmark.suites import small_suite
 
 
-def renamed(driven: Path, folder: Path, suite: OpenSuite, *names: str, sha256: str = "ab") -> Path:
+def renamed(
+    driven: Path,
+    folder: Path,
+    suite: OpenSuite,
+    *names: str,
+    hashes: tuple[str, str] = ("ab", "cd"),
+    made_by: dict[str, str] | None = None,
+) -> Path:
     """A folder with the records of the two drivers under other names, as of policies."""
     shutil.copytree(driven, folder)
     (folder / MANIFEST_FILE).unlink()
@@ -27,8 +35,11 @@ def renamed(driven: Path, folder: Path, suite: OpenSuite, *names: str, sha256: s
         for old, new in zip(("straight-line", "expert-oracle"), names, strict=True):
             text = text.replace(f'"{old}"', f'"{new}"')
         path.write_text(text)
-    learned = BenchmarkedDriver(sha256=sha256, inputs=DriverInputs(images=("rgb",), trained_on="flat; 2 people"))
-    write_manifest(folder, suite, dict.fromkeys(names, learned), {})
+    inputs = DriverInputs(images=("rgb",), trained_on="flat; 2 people")
+    learned = {
+        name: BenchmarkedDriver(sha256=sha256, inputs=inputs) for name, sha256 in zip(names, hashes, strict=True)
+    }
+    write_manifest(folder, suite, learned, made_by or {})
     return folder
 
 
@@ -54,6 +65,62 @@ def test_policies_of_several_seeds_are_one_row_with_the_mean_of_both(driven: Pat
     assert scores["mine"]["success"].mean == pytest.approx((one.mean + other.mean) / 2)
     assert scores["mine"]["success"].count == 4
     assert {pair.method for pair in board.comparisons("people")} == {"straight-line", "mine/0", "mine/1"}
+
+
+def test_equal_policies_of_a_row_count_once(driven: Path, suite: OpenSuite, tmp_path: Path):
+    theirs = renamed(driven, tmp_path / "theirs", suite, "mine/0", "mine/1", hashes=("ab", "ab"))
+    (row,) = read_leaderboard([theirs], suite).rows
+    assert row.seeds == 1
+
+
+def test_zero_shot_and_fine_tuned_network_are_two_rows(driven: Path, suite: OpenSuite, tmp_path: Path):
+    theirs = renamed(driven, tmp_path / "theirs", suite, "gnm/zero-shot", "gnm/fine-tuned")
+    assert {row.name: row.seeds for row in read_leaderboard([theirs], suite).rows} == {
+        "gnm/zero-shot": 1,
+        "gnm/fine-tuned": 1,
+    }
+
+
+def test_rows_name_the_versions_in_which_they_differ(driven: Path, suite: OpenSuite, tmp_path: Path):
+    made_by = {"readygo": "9.0", "commit": "f" * 40, "numeric_class": read_manifest(driven).made_by["numeric_class"]}
+    theirs = renamed(driven, tmp_path / "theirs", suite, "mine", "yours", made_by=made_by)
+    markdown, html = (
+        write(read_leaderboard([driven, theirs], suite)) for write in (leaderboard_markdown, leaderboard_html)
+    )
+    ours = read_manifest(driven).made_by
+    assert "| Episodes per cell | readygo | Commit |" in markdown
+    assert "Numeric class" not in markdown, "it is the same"
+    assert "| 4 | 9.0 | ffffffffffff |" in markdown
+    for page in (markdown, html):
+        assert f"{ours['readygo']}, 9.0" in page
+        assert ours["numeric_class"] in page
+    assert "| Episodes per cell |\n" in leaderboard_markdown(read_leaderboard([driven], suite))
+
+
+def test_what_a_driver_does_not_state_is_said(driven: Path, suite: OpenSuite, tmp_path: Path):
+    theirs = renamed(driven, tmp_path / "theirs", suite, "a.py:A", "b.py:B")
+    unstated = BenchmarkedDriver(sha256="ab", inputs=DriverInputs(images=("rgb",), trained_on=None, seen=None))
+    write_manifest(theirs, suite, {"a.py:A": unstated}, {})
+    assert "| A | no | no | rgb | not stated | not stated |  | 4 |" in leaderboard_markdown(
+        read_leaderboard([theirs], suite)
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda manifest: manifest.update(episodes=-3), "the number of episodes does not follow"),
+        (lambda manifest: manifest["files"].popitem(), "is not in benchmark.json"),
+        (lambda manifest: manifest["scores"]["people"]["straight-line"]["total"].update(mean=1.0), "do not follow"),
+    ],
+)
+def test_changed_folder_is_refused(driven: Path, suite: OpenSuite, tmp_path: Path, change, said: str):
+    copy = Path(shutil.copytree(driven, tmp_path / "copy"))
+    manifest = json.loads((copy / MANIFEST_FILE).read_text())
+    change(manifest)
+    (copy / MANIFEST_FILE).write_text(json.dumps(manifest))
+    with pytest.raises(RunError, match=f"copy is not as it was driven: .*{said}"):
+        read_leaderboard([copy], suite)
 
 
 def test_page_and_markdown_say_what_drivers_are_given_and_how_they_did(driven: Path, suite: OpenSuite):
@@ -89,6 +156,7 @@ def test_seed_of_fewer_episodes_marks_its_row(driven: Path, suite: OpenSuite, tm
             if not ("mine/1" in line and '"index": 0' in line)
         )
     )
+    write_manifest(theirs, suite, {}, {})
     board = read_leaderboard([theirs], suite)
     assert (board.rows[0].episodes, board.episodes) == (3, 3)
 
@@ -96,6 +164,7 @@ def test_seed_of_fewer_episodes_marks_its_row(driven: Path, suite: OpenSuite, tm
 def test_folder_without_records_of_a_driver_is_refused(driven: Path, suite: OpenSuite, tmp_path: Path):
     copy = Path(shutil.copytree(driven, tmp_path / "copy"))
     (copy / "cells" / "people" / "flat" / "episodes.jsonl").write_bytes(b"")
+    write_manifest(copy, suite, {}, {})
     with pytest.raises(RunError, match="copy has no records of expert-oracle in the cell people: let the run end"):
         read_leaderboard([copy], suite)
 

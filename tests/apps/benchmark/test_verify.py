@@ -7,11 +7,22 @@ import pytest
 from readygo.apps.benchmark.drive import SuiteDrive, drive_suite
 from readygo.apps.benchmark.verify import Verification, verify_folder
 from readygo.common.errors import RunError
-from readygo.runs.benchmark.folder import MANIFEST_FILE, read_manifest, write_manifest
+from readygo.runs.benchmark.folder import FIRST_FORMAT, MANIFEST_FILE, read_manifest, write_manifest
 from readygo.runs.benchmark.suite import OpenSuite
 from tests.common.policy.artifacts import write_policy
 
 PEOPLE = Path("cells", "people", "flat")
+CLASS = """
+class Mine:
+    trained_on = "ten films"
+
+    def __init__(self, robot): ...
+
+    def start(self): ...
+
+    def act(self, memory, observation):
+        return 0.5, 0.0
+"""
 
 
 @pytest.fixture
@@ -103,7 +114,24 @@ def test_wrong_inputs_of_a_driver_are_found(copy: Path, suite: OpenSuite):
     manifest = json.loads((copy / MANIFEST_FILE).read_text())
     manifest["drivers"]["expert-oracle"]["inputs"]["people"] = ""
     (copy / MANIFEST_FILE).write_text(json.dumps(manifest))
-    assert verify(suite, copy)[0] == ["benchmark.json: expert-oracle is not given what it says"]
+    found = "true, all, and where they mean to walk"
+    assert verify(suite, copy)[0] == [f"benchmark.json: people of expert-oracle is '' there, found '{found}'"]
+
+
+def test_first_format_verifies_although_it_does_not_state_what_a_class_learned_from(suite: OpenSuite, tmp_path: Path):
+    (tmp_path / "mine.py").write_text(CLASS)
+    name, folder = f"{tmp_path / 'mine.py'}:Mine", tmp_path / "out"
+    drive_suite(SuiteDrive(suite=suite, drivers=(name,), folder=folder, checkpoints=folder), report=lambda _: None)
+    manifest = json.loads((folder / MANIFEST_FILE).read_text())
+    assert manifest["drivers"][name]["inputs"]["trained_on"] == "ten films"
+    manifest["drivers"][name]["inputs"] |= {"trained_on": "", "seen": []}
+    (folder / MANIFEST_FILE).write_text(json.dumps(manifest | {"format": FIRST_FORMAT}))
+    assert verify(suite, folder)[0] == []
+    (folder / MANIFEST_FILE).write_text(json.dumps(manifest))
+    assert verify(suite, folder)[0] == [
+        f"benchmark.json: trained_on of {name} is '' there, found 'ten films'",
+        f"benchmark.json: seen of {name} is [] there, found None",
+    ]
 
 
 def test_other_settings_are_found(copy: Path, suite: OpenSuite):

@@ -1,3 +1,4 @@
+import re
 import sys
 from pathlib import Path
 
@@ -47,6 +48,31 @@ def test_suite_is_driven_verified_packed_and_made_a_table(command, tmp_path: Pat
     assert f"readygo: {out} does not verify: 1 mismatches" in error
     code, _, error = command("verify", out)
     assert (code, "is of the suite 'small/1', which does not come with readygo" in error) == (2, True)
+
+
+@pytest.mark.parametrize("value", ['"abc"', "null", "[]", "-1.0"])
+def test_damaged_record_is_one_line_in_every_command(command, tmp_path: Path, value: str):
+    small_suite(tmp_path)
+    suite, out = tmp_path / "small.toml", tmp_path / "out"
+    assert command("run", suite, "straight-line", "--out", out, "--episodes", 1)[0] == 0
+    records = out / "cells" / "people" / "flat" / "episodes.jsonl"
+    records.write_text(re.sub(r'"duration_s": [\d.]+', f'"duration_s": {value}', records.read_text()))
+    # Only complete results are packed.
+    manifest = out / "benchmark.json"
+    manifest.write_text(manifest.read_text().replace('"complete": false', '"complete": true'))
+    for arguments in (("verify", out), ("table", out, "--out", "page"), ("submit", out, "--out", "mine.zip")):
+        code, _, error = command(*arguments, "--suite", suite)
+        assert code == 2
+        (line,) = error.splitlines()
+        assert line.startswith(f"readygo: {records} holds no record in line 1: duration_s must be a finite number")
+
+
+def test_weights_are_said_where_to_get_and_hashed_without_a_pinned_hash(command, tmp_path: Path):
+    pytest.importorskip("torch", reason="torch (extra train) is not installed")
+    code, said, _ = command("weights", "--checkpoints", tmp_path)
+    assert code == 2
+    assert said.startswith("The authors offer gnm_large.pth, vint.pth, nomad.pth at https://drive.google.com/drive/")
+    assert "pins no hashes of them" in said
 
 
 def test_results_are_not_written_into_recorded_data_or_a_file(command, monkeypatch, tmp_path: Path):

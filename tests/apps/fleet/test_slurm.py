@@ -1,7 +1,5 @@
 """Workers as Slurm jobs: what is asked of Slurm, and a run on a real one."""
 
-import os
-import shutil
 import subprocess
 import sys
 import time
@@ -18,37 +16,8 @@ from readygo.common.bus.zenoh_bus import free_endpoint
 from readygo.common.dataset import Dataset, validate
 from readygo.common.errors import RunError
 from readygo.common.scenes.embedded import ensure_embedded_scene
+from tests.apps.fleet.slurm_cluster import slurm_cluster
 from tests.apps.fleet.slurm_commands import fake_slurm
-
-DAEMONS = ("munged", "slurmctld", "slurmd")
-NODE_CPUS = 8
-CONF = """
-ClusterName=test
-SlurmctldHost=localhost
-SlurmctldPort={controller}
-SlurmdPort={node}
-SlurmUser=root
-SlurmdUser=root
-AuthType=auth/munge
-AuthInfo=socket={folder}/munge/socket
-StateSaveLocation={folder}/state
-SlurmdSpoolDir={folder}/spool
-SlurmctldPidFile={folder}/slurmctld.pid
-SlurmdPidFile={folder}/slurmd.pid
-SlurmctldLogFile={folder}/slurmctld.log
-SlurmdLogFile={folder}/slurmd.log
-ProctrackType=proctrack/linuxproc
-TaskPlugin=task/none
-SelectType=select/cons_tres
-SelectTypeParameters=CR_CPU
-SchedulerParameters=batch_sched_delay=0,sched_interval=1
-ReturnToService=2
-KillWait=5
-MpiDefault=none
-SlurmdParameters=config_overrides
-NodeName=localhost CPUs={cpus} State=UNKNOWN
-PartitionName=debug Nodes=localhost Default=YES MaxTime=INFINITE State=UP
-"""
 
 
 @pytest.fixture
@@ -213,53 +182,11 @@ def test_refusals_are_one_line(asked: Path, monkeypatch: pytest.MonkeyPatch) -> 
         _workers(asked)
 
 
-def _port() -> str:
-    return free_endpoint().rpartition(":")[2]
-
-
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Slurm with one node on this machine."""
-    missing = [name for name in DAEMONS if shutil.which(name, path=f"{os.environ['PATH']}:/usr/sbin") is None]
-    if missing or os.geteuid() != 0:
-        pytest.skip(f"needs root and {', '.join(missing) or 'nothing else'}: apt-get install slurm-wlm munge")
-    folder = tmp_path_factory.mktemp("slurm")
-    for name in ("state", "spool", "munge"):
-        (folder / name).mkdir(mode=0o700)
-    key = folder / "munge" / "key"
-    key.write_bytes(os.urandom(1024))
-    key.chmod(0o600)
-    conf = folder / "slurm.conf"
-    conf.write_text(CONF.format(controller=_port(), node=_port(), folder=folder, cpus=NODE_CPUS))
-    environment = {**os.environ, "SLURM_CONF": str(conf), "PATH": f"{os.environ['PATH']}:/usr/sbin"}
-    files = {"socket": "socket", "pid-file": "pid", "log-file": "log", "seed-file": "seed", "key-file": "key"}
-    munged = ["munged", "--foreground", "--force", *(f"--{o}={folder}/munge/{f}" for o, f in files.items())]
-    commands = [munged, ["slurmctld", "-D"], ["slurmd", "-D", "-N", "localhost"]]
-    daemons = []
-    patch = pytest.MonkeyPatch()
-    patch.setenv("SLURM_CONF", str(conf))
-    try:
-        for command in commands:
-            quiet = subprocess.DEVNULL
-            daemons.append(subprocess.Popen(command, env=environment, stdout=quiet, stderr=quiet))
-            time.sleep(0.5)
-        _wait_until_idle()
+    with slurm_cluster(tmp_path_factory.mktemp("slurm"), ["localhost"], cpus=8):
         yield
-    finally:
-        for daemon in reversed(daemons):
-            daemon.terminate()
-            daemon.wait(timeout=30)
-        patch.undo()
-
-
-def _wait_until_idle() -> None:
-    states = ""
-    for _ in range(120):
-        states = subprocess.run(["sinfo", "-h", "-o", "%T"], capture_output=True, text=True, check=False).stdout
-        if states.strip() == "idle":
-            return
-        time.sleep(0.5)
-    pytest.skip(f"Slurm does not start here: {states.strip() or 'no answer'}")
 
 
 def _running() -> list[str]:

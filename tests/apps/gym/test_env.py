@@ -34,10 +34,11 @@ def test_pictures_come_as_often_as_the_robots_steps(tmp_path):
     assert PointNavEnv.metadata["render_fps"] == 20
 
 
+@pytest.mark.parametrize("imports", ["gymnasium", "gymnasium, readygo", "readygo, gymnasium"])
 @pytest.mark.parametrize("prefix", ["readygo", "readygo.gym"])
-def test_both_environments_are_found_by_their_module_in_a_fresh_process(prefix: str):
+def test_both_environments_are_found_by_their_module_in_a_fresh_process(prefix: str, imports: str):
     code = f"""
-import gymnasium, sys
+import {imports}
 for name in ("PointNav", "StateNav"):
     try:
         gymnasium.make("{prefix}:ReadyGo/" + name + "-v0", scene="nowhere")

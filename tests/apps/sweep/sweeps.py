@@ -25,6 +25,23 @@ yielding = 1.0
 [arms.paper]
 people = "paper"
 """
+LONGER = """
+command = "evaluate"
+scenes = ["embedded"]
+seeds = [0, 1]
+
+[options]
+episodes = 40
+tasks = ["dynamic"]
+methods = ["straight-line"]
+
+[arms.calm.human_planner]
+yielding = 1.0
+
+[arms.paper]
+people = "paper"
+"""
+"""Four points that drive for some seconds each."""
 RESULT = '{"measures": {"dynamic": {"expert": {"success": {"mean": %s, "low": 0, "high": 1}}}}}'
 
 

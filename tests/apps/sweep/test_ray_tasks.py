@@ -18,24 +18,8 @@ from readygo.apps.sweep.plan import PointNeeds
 from readygo.apps.sweep.ray_tasks import import_ray, run_command, run_on_ray
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.extras import is_installed
-from tests.apps.sweep.sweeps import read_sweep, records_of, write_sweep
+from tests.apps.sweep.sweeps import LONGER, read_sweep, records_of, write_sweep
 
-EVALUATE = """
-command = "evaluate"
-scenes = ["embedded"]
-seeds = [0, 1]
-
-[options]
-episodes = 40
-tasks = ["dynamic"]
-methods = ["straight-line"]
-
-[arms.calm.human_planner]
-yielding = 1.0
-
-[arms.paper]
-people = "paper"
-"""
 needs_ray = pytest.mark.skipif(not is_installed("ray"), reason="ray (extra ray) is not installed")
 
 
@@ -60,7 +44,7 @@ def _add_nodes(cluster: Any) -> list[Any]:
 @pytest.mark.filterwarnings("ignore")
 def test_sweep_among_two_nodes_of_which_one_dies_has_the_same_records(tmp_path: Path, cluster: Any) -> None:
     nodes = _add_nodes(cluster)
-    path, out = write_sweep(tmp_path, EVALUATE), tmp_path / "ray"
+    path, out = write_sweep(tmp_path, LONGER), tmp_path / "ray"
     begun = out / ".sweep" / "points" / "calm" / "embedded" / "1.json"
 
     def kill() -> None:

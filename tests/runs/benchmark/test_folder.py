@@ -9,12 +9,15 @@ from readygo.common.episode.metrics import EpisodeResult
 from readygo.common.errors import RunError
 from readygo.common.messages import EpisodeKey, Outcome, Split
 from readygo.runs.benchmark.folder import (
+    FIRST_FORMAT,
     MANIFEST_FILE,
     SUITE_FILE,
     BenchmarkedDriver,
     cell_folder,
     check_suite,
+    check_unchanged,
     defects,
+    join_origins,
     read_manifest,
     write_manifest,
 )
@@ -79,6 +82,42 @@ def test_scores_that_do_not_follow_are_found(folder: Path, suite: OpenSuite):
     better["people"]["mine"]["success"]["mean"] = 0.9
     lines = defects(folder, suite, dataclasses.replace(manifest, scores=better))
     assert lines == [f"{MANIFEST_FILE}: the scores of people do not follow from its records"]
+
+
+def test_last_digits_of_scores_are_no_edit(folder: Path, suite: OpenSuite):
+    manifest = read_manifest(folder)
+    other = json.loads(json.dumps(manifest.scores))
+    other["people"]["mine"]["success"]["low"] *= 1 + 1e-14
+    assert defects(folder, suite, dataclasses.replace(manifest, scores=other)) == []
+
+
+def test_changed_folder_is_refused_with_its_first_defect(folder: Path, suite: OpenSuite):
+    manifest = read_manifest(folder)
+    check_unchanged(folder, suite, manifest)
+    with pytest.raises(
+        RunError, match=r"is not as it was driven: benchmark\.json: the number of episodes does not follow"
+    ):
+        check_unchanged(folder, suite, dataclasses.replace(manifest, episodes=-3))
+    (folder / SUITE_FILE).unlink()
+    with pytest.raises(RunError, match=r"suite\.toml: is missing, and more\."):
+        check_unchanged(folder, suite, dataclasses.replace(manifest, episodes=-3))
+
+
+def test_manifest_of_the_first_format_does_not_state_what_some_drivers_learned_from(folder: Path):
+    manifest = json.loads((folder / MANIFEST_FILE).read_text())
+    inputs = {"map": True, "people": "", "images": ["rgb"], "trained_on": "its network", "seen": []}
+    names = ("mine", "perceive-and-act", "gnm", "mine.py:Mine")
+    manifest |= {"format": FIRST_FORMAT, "drivers": {name: {"sha256": "ab", "inputs": inputs} for name in names}}
+    (folder / MANIFEST_FILE).write_text(json.dumps(manifest))
+    drivers = read_manifest(folder).drivers
+    assert (drivers["mine"].inputs.trained_on, drivers["mine"].inputs.seen) == ("its network", ())
+    assert {(drivers[name].inputs.trained_on, drivers[name].inputs.seen) for name in names[1:]} == {(None, None)}
+    assert drivers["perceive-and-act"].inputs.map
+
+
+def test_what_records_of_several_folders_were_made_with_is_listed_once():
+    origins = [{"readygo": "0.1.0", "commit": "a, b"}, {"readygo": "0.1.0", "commit": "b, c"}, {"commit": ""}]
+    assert join_origins(origins) == {"readygo": "0.1.0", "commit": "a, b, c"}
 
 
 def test_numbers_of_episodes_that_do_not_follow_are_found(folder: Path, suite: OpenSuite):

@@ -29,3 +29,15 @@ def test_weights_are_loaded_and_hashed(tmp_path: Path):
     assert gnm.defect == ""
     assert len(gnm.sha256) == 64
     assert "is no checkpoint" in vint.defect
+
+
+def test_weights_in_folders_of_a_network_are_drivers_of_their_own(tmp_path: Path):
+    for place in ("zero-shot", "fine-tuned/0"):
+        (tmp_path / "gnm" / place).mkdir(parents=True)
+        (tmp_path / "gnm" / place / "gnm_large.pth").write_bytes(b"no weights")
+    found = check_weights(tmp_path)
+    assert [weights.driver for weights in found] == ["gnm/fine-tuned/0", "gnm/zero-shot", "vint", "nomad"]
+    assert [len(weights.sha256) for weights in found] == [64, 64, 0, 0]
+    assert found[1].path == tmp_path / "gnm" / "zero-shot" / "gnm_large.pth"
+    (tmp_path / "gnm_large.pth").write_bytes(b"no weights")
+    assert check_weights(tmp_path)[0].driver == "gnm"

@@ -11,7 +11,7 @@ import pytest
 from readygo.common.episode.loop import DriverFailure
 from readygo.common.errors import RunError
 from readygo.common.robot import RobotConfig
-from readygo.services.evaluator.custom_method import CustomDriver, load_custom_method
+from readygo.services.evaluator.custom_method import CustomDriver, load_custom_method, stated_training
 
 EXAMPLE = Path(__file__).resolve().parents[3] / "examples" / "my_method.py"
 EVALUATOR = SimpleNamespace(robot=RobotConfig(), eyes=lambda: None)
@@ -106,3 +106,16 @@ def test_what_is_no_method_is_refused_in_a_line(name, said):
     with pytest.raises(RunError, match=said) as caught:
         load_custom_method(name, EVALUATOR)
     assert "\n" not in str(caught.value)
+
+
+def test_class_states_what_it_has_learned_from_in_a_text_or_not_at_all(tmp_path: Path):
+    (tmp_path / "mine.py").write_text(
+        "class A: ...\nclass B:\n    trained_on = 'ten films'\nclass C:\n    trained_on = 3\n"
+    )
+    assert stated_training(f"{tmp_path / 'mine.py'}:A") is None
+    assert stated_training(f"{tmp_path / 'mine.py'}:B") == "ten films"
+    assert stated_training(f"{EXAMPLE}:KeepsAway") == ""
+    with pytest.raises(RunError, match="trained_on of .*:C must be a text, got 3"):
+        stated_training(f"{tmp_path / 'mine.py'}:C")
+    with pytest.raises(RunError, match="cannot be imported: ImportError"):
+        stated_training(f"{tmp_path / 'other.py'}:A")

@@ -39,6 +39,39 @@ def test_record_is_read_as_it_was_written(make_evaluator):
     assert records[0].to_mapping()["human_distance_min_m"] is None
 
 
+@pytest.mark.parametrize("name", ["duration_s", "path_length_m", "shortest_m", "human_distance_min_m"])
+@pytest.mark.parametrize("value", ["abc", [], {}, True, -1.0, float("nan"), float("inf")])
+def test_measure_that_is_no_finite_number_from_zero_is_refused(make_evaluator, name: str, value: object):
+    (record, *_) = handle_evaluate(make_evaluator(), EvaluateRequest(episodes=1)).records
+    with pytest.raises(ValueError, match=f"{name} must be a finite number of at least 0"):
+        record_of_mapping({**record.to_mapping(), name: value})
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"duration_s": None}, "duration_s must be a finite number"),
+        ({"index": 1.5}, "index must be a whole number, got 1.5"),
+        ({"seed": True}, "seed must be a whole number, got True"),
+        ({"category": 3}, "KeyError: '3'"),
+        ({"outcome": []}, "is not a valid Outcome"),
+        ({"conduct": {"intrusion_s": 0.0}}, "ConfigError: Keys near_misses"),
+        ({"conduct": "none"}, "ConfigError: Conduct must be a table"),
+    ],
+)
+def test_record_with_a_damaged_value_is_refused(make_evaluator, changes: dict[str, object], said: str):
+    (record, *_) = handle_evaluate(make_evaluator(), EvaluateRequest(episodes=1)).records
+    with pytest.raises(ValueError, match=said):
+        record_of_mapping({**record.to_mapping(), **changes})
+
+
+def test_social_measure_that_is_not_finite_is_refused(make_evaluator):
+    (record, *_) = handle_evaluate(make_evaluator(), EvaluateRequest(episodes=1)).records
+    conduct = record.to_mapping()["conduct"]
+    with pytest.raises(ValueError, match="jerk_mps3 must be a finite number"):
+        record_of_mapping({**record.to_mapping(), "conduct": {**conduct, "jerk_mps3": float("nan")}})
+
+
 def test_scores_are_plain_values_by_task_and_method(make_evaluator):
     summary = summary_mapping(handle_evaluate(make_evaluator(), EvaluateRequest(episodes=3)).summaries)
     assert summary["static"]["straight-line"]["success_rate"] == pytest.approx(2 / 3)

@@ -140,6 +140,26 @@ def test_folder_of_something_else_or_in_use_or_broken_is_refused(tmp_path):
         pass
 
 
+def test_damaged_line_is_named_where_it_is_read(make_evaluator, tmp_path):
+    with open_results(tmp_path, SETTINGS) as results:
+        kept = handle_evaluate(make_evaluator(), REQUEST, results=results).records
+    trajectories = tmp_path / "trajectories.jsonl"
+    trajectories.write_text(trajectories.read_text().replace('"actions": [', '"actions": ["fast", ', 1))
+    with (
+        read_results(tmp_path) as results,
+        pytest.raises(RunError, match=r"trajectories\.jsonl holds no trajectory in"),
+    ):
+        results.actions([record.key for record in kept])
+    records = tmp_path / "episodes.jsonl"
+    first, *others = records.read_text().splitlines(keepends=True)
+    records.write_text("".join([first, json.dumps({**json.loads(others[0]), "duration_s": "abc"}) + "\n"]))
+    with (
+        pytest.raises(RunError, match="holds no record in line 2: duration_s must be a finite"),
+        read_results(tmp_path),
+    ):
+        pass
+
+
 @contextlib.contextmanager
 def small_disk():
     """No file may grow beyond 12 kB: not a fixture, for pytest's own report may be such a file."""
