@@ -115,7 +115,7 @@ def test_class_states_what_it_has_learned_from_in_a_text_or_not_at_all(tmp_path:
     assert stated_training(f"{tmp_path / 'mine.py'}:A") is None
     assert stated_training(f"{tmp_path / 'mine.py'}:B") == "ten films"
     assert stated_training(f"{EXAMPLE}:KeepsAway") == ""
-    with pytest.raises(RunError, match="trained_on of .*:C must be a text, got 3"):
+    with pytest.raises(RunError, match=r"trained_on of .*:C must be a text, got 3"):
         stated_training(f"{tmp_path / 'mine.py'}:C")
     with pytest.raises(RunError, match="cannot be imported: ImportError"):
         stated_training(f"{tmp_path / 'other.py'}:A")
