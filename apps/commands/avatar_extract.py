@@ -10,6 +10,7 @@ import numpy as np
 from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 from tyro.conf import Fixed, Positional
 
+from readygo.apps.avatar.output import check_avatar_out
 from readygo.apps.cli import NOTHING_SAVED
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.terminal import PlainConsole
@@ -80,8 +81,7 @@ class AvatarExtractOptions:
 
 def avatar_extract(options: AvatarExtractOptions) -> None:
     """Extract an avatar from the images of one person, with masks, cameras and body poses or keypoints."""
-    if options.out.suffix.lower() != ".npz":
-        raise AvatarError(f"--out {options.out} must end in .npz.")
+    check_avatar_out(options.out, _inputs(options), (options.out.with_suffix(POSES_ENDING), options.checkpoint))
     check_texts(options.name or options.out.stem, options.license)
     config = replace(avatar_preset(options.preset), seed=options.seed)
     config = with_keys(with_file(config, options.config), options.keys)
@@ -106,6 +106,19 @@ def avatar_extract(options: AvatarExtractOptions) -> None:
         _print_report(options.out, extraction)
     for note in notes:
         PlainConsole(stderr=True, soft_wrap=True).print(f"Note: {note}", markup=False)
+
+
+def _inputs(options: AvatarExtractOptions) -> list[Path | None]:
+    """Files and folders that the avatar is made from."""
+    scene = None if options.scene is None else Path(options.scene)
+    return [
+        options.footage,
+        options.body,
+        scene,
+        options.config,
+        options.models.keypoint_model,
+        options.models.mask_model,
+    ]
 
 
 def _write(options: AvatarExtractOptions, extraction: Extraction) -> list[str]:

@@ -115,11 +115,14 @@ def test_avatar_comes_of_a_film_in_a_known_scene(
     ("argv", "words"),
     [
         (["nowhere", "--out", "person.npz"], "is not a folder"),
-        ([".", "--out", "person.npz"], "has no poses"),
+        ([".", "--out", "../person.npz"], "has no poses"),
         ([".", "--out", "person.ply"], "must end in .npz"),
-        ([".", "--out", "person.npz", "--license", "x" * 2001], "license has at most 2000 characters, got 2001"),
-        ([".", "--out", "person.npz", "--scene", "nowhere"], "nowhere"),
-        ([".", "--out", "person.npz", "--checkpoint", "p.pth"], "--checkpoint needs --representation hugs, and --body"),
+        ([".", "--out", "poses.npz"], "poses.npz lies inside the input ."),
+        (["film.mp4", "--out", "smpl.npz", "--body", "smpl.npz"], "smpl.npz is an input"),
+        (["film", "--out", "a.npz", "--checkpoint", "seg.onnx", "--mask-model", "seg.onnx"], "seg.onnx is an input"),
+        ([".", "--out", "../person.npz", "--license", "x" * 2001], "license has at most 2000 characters, got 2001"),
+        ([".", "--out", "../person.npz", "--scene", "nowhere"], "nowhere"),
+        (["film", "--out", "a.npz", "--checkpoint", "p.pth"], "--checkpoint needs --representation hugs, and --body"),
     ],
 )
 def test_mistakes_end_in_one_line(
