@@ -44,16 +44,26 @@ class NetworkFiles:
 
 
 @dataclass(frozen=True, kw_only=True)
+class VideoOptions:
+    """What is known of a video's camera, which stands still; see --camera.height-m."""
+
+    intrinsics: str = ""
+    """Its lens: a calibration of OpenCV or ROS, a .json of cameras, or "fx fy cx cy" in pixels of upright frames."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class AvatarExtractOptions:
     """Extract an avatar from the images of one person, with masks, cameras and body poses or keypoints.
 
-    FOOTAGE has the layout of NeuMan's data, or the plain one (masks/, cameras.json, and poses.npz or keypoints.npz).
+    FOOTAGE has the layout of NeuMan's data, or the plain one (masks/, cameras.json, and poses.npz or keypoints.npz), or
+    is a video.
     Writes the avatar, and beside it NAME.html (held-out frames, new poses, unseen parts) and NAME.poses.npz (poses as
     they were found). After an interruption the same command resumes from NAME.work.
     """
 
     footage: Positional[Path]
-    """Folder with images, masks, cameras, and poses or keypoints of one person."""
+    """Folder with images, masks, cameras, and poses or keypoints of one person; or a video from a camera that stands
+    still, with masks/, poses.npz or keypoints.npz beside it."""
     out: Path
     """Avatar file (.npz) to write."""
     preset: AvatarPreset = "draft"
@@ -76,6 +86,7 @@ class AvatarExtractOptions:
     config: Path | None = None
     """TOML file with settings; `--KEY VALUE` and `--SECTION.KEY VALUE` override it."""
     models: NetworkFiles = field(default_factory=NetworkFiles)
+    video: VideoOptions = field(default_factory=VideoOptions)
     keys: Annotated[Keys, Sections(AvatarFitConfig), Fixed] = field(default_factory=dict)
 
 
@@ -84,7 +95,8 @@ def avatar_extract(options: AvatarExtractOptions) -> None:
     check_avatar_out(options.out, _inputs(options), (options.out.with_suffix(POSES_ENDING), options.checkpoint))
     check_texts(options.name or options.out.stem, options.license)
     config = replace(avatar_preset(options.preset), seed=options.seed)
-    config = with_keys(with_file(config, options.config), options.keys)
+    told = {"camera": {"intrinsics": options.video.intrinsics}} if options.video.intrinsics else {}
+    config = with_keys(with_keys(with_file(config, options.config), told), options.keys)
     if options.checkpoint is not None and (config.representation != "hugs" or options.body is None):
         raise ConfigError(
             "--checkpoint needs --representation hugs, and --body with the SMPL model whose skeleton it goes with."

@@ -21,9 +21,7 @@ from readygo.common.gaussians import GaussianCloud
 from readygo.services.reconstructor.avatars.agreement import check_agreement
 from readygo.services.reconstructor.avatars.body import compare_bodies, overlap_of, weights_of
 from readygo.services.reconstructor.avatars.complete import (
-    KEYPOINTS_STAGE,
-    MASKS_STAGE,
-    POSES_STAGE,
+    STAGE_FOLDERS,
     CompleteFootage,
     PersonNetworks,
     complete_footage,
@@ -117,7 +115,7 @@ def extract_avatar(
     """Extract an avatar; an interrupted call resumes with the same arguments, to the same result.
 
     Args:
-        folder: Film of a person, see `footage`.
+        folder: Film of a person, see `footage`, or a video from a camera that stands still.
         work: Folder of what is found and of the checkpoint; it goes if the film cannot be used.
         config: How; see `avatar_preset`.
         tell: Is told about every second how far it is.
@@ -180,7 +178,7 @@ def extract_avatar(
 def forget_extraction(work: Path) -> None:
     """Remove the checkpoint of an extraction whose result is written, and its folder if nothing else lies there."""
     with Stages(work, lambda _: None).alone():
-        for stage in (MASKS_STAGE, KEYPOINTS_STAGE, POSES_STAGE):
+        for stage in STAGE_FOLDERS:
             shutil.rmtree(work / stage, ignore_errors=True)
         (work / CHECKPOINT_FILE).unlink(missing_ok=True)
 

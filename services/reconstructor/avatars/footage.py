@@ -357,7 +357,7 @@ def _footage(
 
 def _require_folder(folder: Path) -> None:
     if not folder.is_dir():
-        raise AvatarError(f"{folder} is not a folder; give one with images, masks, cameras and poses of a person.")
+        raise AvatarError(f"{folder} is not a folder; give one with images, masks, cameras and poses, or a video.")
 
 
 def _check_count(folder: Path, count: int) -> None:
