@@ -30,8 +30,8 @@ def test_avatar_report_and_poses_are_written(
     monkeypatch.setattr(
         "readygo.services.reconstructor.avatars.extract.load_avatars", lambda: {"hana": load_avatars()["hana"]}
     )
-    monkeypatch.setattr("readygo.apps.avatar.extracted.contact_sheet", lambda _: np.zeros((4, 4, 3), np.uint8))
-    monkeypatch.setattr("readygo.apps.avatar.extracted.turntable", lambda *_: np.zeros((4, 4, 3), np.uint8))
+    for name in ("motion_sheet", "contact_sheet", "turntable"):
+        monkeypatch.setattr(f"readygo.apps.avatar.extracted.{name}", lambda *_: np.zeros((4, 4, 3), np.uint8))
     out = tmp_path / "person.npz"
     run_command(COMMANDS, ["avatar", "extract", str(film), "--out", str(out), "--steps", "10", "--json"])
     report = json.loads(capsys.readouterr().out)
@@ -77,7 +77,7 @@ def test_avatar_comes_of_keypoints(
     capture_avatar(hana, tmp_path / "film", config, lambda _: None)
     monkeypatch.setattr("readygo.services.reconstructor.avatars.extract.load_avatars", lambda: {"hana": hana})
     monkeypatch.setattr("readygo.services.reconstructor.avatars.keypoint_poses._STAGES", ((3.0, 60), (1.0, 20)))
-    for name in ("contact_sheet", "turntable"):
+    for name in ("motion_sheet", "contact_sheet", "turntable"):
         monkeypatch.setattr(f"readygo.apps.avatar.extracted.{name}", lambda *_: np.zeros((4, 4, 3), np.uint8))
     argv = [str(tmp_path / "film"), "--out", str(tmp_path / "person.npz"), "--steps", "10", "--json"]
     run_command(COMMANDS, ["avatar", "extract", *argv])
@@ -103,7 +103,7 @@ def test_avatar_comes_of_a_video_of_a_camera_that_stands_still(
     writer.release()
     np.savez(tmp_path / "keypoints.npz", keypoints=np.load(tmp_path / "film" / "keypoints.npz")["keypoints"])
     monkeypatch.setattr("readygo.services.reconstructor.avatars.extract.load_avatars", lambda: {"hana": hana})
-    for name in ("contact_sheet", "turntable"):
+    for name in ("motion_sheet", "contact_sheet", "turntable"):
         monkeypatch.setattr(f"readygo.apps.avatar.extracted.{name}", lambda *_: np.zeros((4, 4, 3), np.uint8))
     forward = np.load(tmp_path / "film" / "truth.npz")["T_world_camera"][0, :3, 2]
     stands = ["--camera.height-m", "1.35", "--camera.tilt-deg", str(np.rad2deg(np.arcsin(-forward[2])))]
@@ -122,7 +122,7 @@ def test_avatar_comes_of_a_film_in_a_known_scene(
     monkeypatch.chdir(tmp_path)
     hana = load_avatars()["hana"]
     monkeypatch.setattr("readygo.services.reconstructor.avatars.extract.load_avatars", lambda: {"hana": hana})
-    for name in ("contact_sheet", "turntable"):
+    for name in ("motion_sheet", "contact_sheet", "turntable"):
         monkeypatch.setattr(f"readygo.apps.avatar.extracted.{name}", lambda *_: np.zeros((4, 4, 3), np.uint8))
     options = ["--motion", "turn", "--frames", "8", "--size", "96", "96", "--pose-noise-deg", "1"]
     options += ["--scene", "embedded", "--walk-radius-m", "0.6", "--mask-noise-px", "1"]
