@@ -9,7 +9,7 @@
 """
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -49,9 +49,12 @@ from readygo.services.reconstructor.avatars.keypoints import (
     write_keypoints,
 )
 from readygo.services.reconstructor.avatars.views import PersonMask, read_masks, read_rgb
+from readygo.services.reconstructor.frames.names import times_of_names
 from readygo.services.reconstructor.stages import Stages, code_digest, identity_of
 
 MASKS_STAGE, KEYPOINTS_STAGE, POSES_STAGE = "masks", "keypoints", "poses"
+_UNEVEN_STEP, _UNEVEN_SHARE = 0.5, 0.1
+"""Steps between frames that are farther off the usual one, and the share of them that is noted."""
 STAGE_FOLDERS = (VIDEO_STAGE, MASKS_STAGE, KEYPOINTS_STAGE, POSES_STAGE)
 
 
@@ -103,8 +106,20 @@ def complete_footage(
     views = read_views(folder)
     keypoints, notes = _keypoints(folder, masks, views, stages, networks.keypoints)
     found = _find_poses(keypoints, views, stages, bodies, config)
+    notes += _uneven_notes(views.images)
     footage = read_footage(folder, masks=masks, poses=stages.folder / POSES_STAGE / POSES_FILE)
     return CompleteFootage(footage=footage, poses_found=True, notes=(*hints, *notes, *found["notes"]))
+
+
+def _uneven_notes(names: Sequence[str]) -> list[str]:
+    steps = np.diff(times_of_names(names))
+    uneven = float(np.mean(np.abs(steps - 1.0) > _UNEVEN_STEP))
+    if uneven <= _UNEVEN_SHARE:
+        return []
+    return [
+        f"by their names {uneven:.0%} of the frames are not evenly spaced in time, and keypoints are fitted as if they "
+        "were: take frames at one rate."
+    ]
 
 
 def _can_find_poses(folder: Path, networks: PersonNetworks) -> bool:

@@ -13,8 +13,8 @@ class PosePriorConfig:
     """How far poses are trusted. The errors of given poses are found from the poses themselves, joint by joint."""
 
     in_order: bool = True
-    """True if the frames follow each other in time, at one rate; else given poses are trusted to `joint_deg` and
-    `root_m`, each by itself."""
+    """True if the frames follow each other in time, at one rate or as the numbers in their names tell; else given poses
+    are trusted to `joint_deg` and `root_m`, each by itself."""
     drift_deg: Annotated[float, Range(low=0.0)] = 1.0
     """Standard deviation of errors of given rotations that last for many frames, and so do not show in them [deg]."""
     drift_m: Annotated[float, Range(low=0.0)] = 0.01

@@ -269,9 +269,10 @@ def _trajectory(complete: CompleteFootage, config: AvatarFitConfig) -> PoseTraje
             root_sd_m=keypoints.root_m,
             jerk_deg=prior.jerk_deg,
             jerk_m=prior.jerk_m,
+            times=footage.times,
         )
     if prior.in_order:
-        return smoothed_trajectory(*given, prior)
+        return smoothed_trajectory(*given, prior, times=footage.times)
     return trusted_trajectory(*given, joint_deg=prior.joint_deg, root_sd_m=prior.root_m)
 
 

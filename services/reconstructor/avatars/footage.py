@@ -41,6 +41,7 @@ from readygo.common.frames import (
     zup_from_yup,
 )
 from readygo.services.reconstructor.frames.masks import mask_of
+from readygo.services.reconstructor.frames.names import times_of_names
 
 IMAGES, SPARSE, CAMERAS_FILE, POSES_FILE = "images", "sparse", "cameras.json", "poses.npz"
 MASKS = ("segmentations", "masks")
@@ -76,6 +77,11 @@ class Footage:
 
     def __len__(self) -> int:
         return len(self.names)
+
+    @property
+    def times(self) -> Float64Array:
+        """When the frames were taken, by their names, in usual spacings, shape (F,)."""
+        return times_of_names(self.names)
 
 
 def read_footage(folder: Path, *, masks: Path | None = None, poses: Path | None = None) -> Footage:
