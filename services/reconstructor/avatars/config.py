@@ -56,7 +56,7 @@ class FixedCameraConfig:
 
     intrinsics: str = ""
     """Its lens, without distortion: a calibration of OpenCV or ROS, a .json of cameras, or "fx fy cx cy" in pixels of
-    the upright frames; empty: that of most telephones."""
+    the upright frames; empty: that of most phones."""
     height_m: Annotated[float, Range(above=0.0, high=10.0)] = 1.4
     """Height of the lens above the floor [m]; the person's size grows with it."""
     tilt_deg: Annotated[float, Range(low=-60.0, high=60.0)] = 0.0

@@ -41,7 +41,7 @@ from readygo.services.reconstructor.stages import Stages, code_digest, identity_
 
 VIDEO_STAGE = "video"
 FOCAL_35MM = 26.0
-"""Focal length of most telephones' main cameras, given for film of 36 x 24 mm [mm]."""
+"""Focal length of most phones' main cameras, given for film of 36 x 24 mm [mm]."""
 STILL_MAX = 0.01
 """A background that moves farther, as a share of the image's width, is not that of a camera that stands still."""
 RATE_MIN_HZ = 9.0
@@ -151,7 +151,7 @@ def _check_video(video: Path, found: Mapping[str, Any], camera: FixedCameraConfi
 
 
 def _notes(found: Mapping[str, Any], camera: FixedCameraConfig) -> list[str]:
-    lens = f"no --intrinsics: a lens of {FOCAL_35MM:.0f} mm (35 mm film) is assumed, as most telephones have."
+    lens = f"no --intrinsics: a lens of {FOCAL_35MM:.0f} mm (35 mm film) is assumed, as most phones have."
     place = (
         f"the camera is taken to be {camera.height_m:g} m above the floor and to look down by {camera.tilt_deg:g} "
         "degrees (--camera.height-m, --camera.tilt-deg)."

@@ -90,7 +90,7 @@ def test_footage_is_made_once_and_again_after_a_change(own_tripod: Path, tmp_pat
     assert {row["position"][2] for row in cameras} == {1.5}
 
 
-def test_lens_of_telephones_is_assumed_in_a_note(tripod: Path, tmp_path: Path) -> None:
+def test_lens_of_phones_is_assumed_in_a_note(tripod: Path, tmp_path: Path) -> None:
     assert K_of_video({"size_px": [1920, 1080], "turned_deg": 0}, FixedCameraConfig())[0, 0] == pytest.approx(
         1324, abs=2
     )
