@@ -56,6 +56,7 @@ def test_some_masks_without_feet_give_a_hint(coarse_body: Avatar, person: Filmed
     some = some_frames(person)[:2]
     (note,) = check(coarse_body, without_feet(person, 0.15, some), footage)
     assert note == "the masks end above the feet in 2 of 6 frames that were looked at."
+    assert check(coarse_body, without_feet(person, 0.15, some[:1]), footage) == []
 
 
 @pytest.mark.parametrize(("shift", "said"), [(3, "3 frames later"), (-2, "2 frames earlier")])
