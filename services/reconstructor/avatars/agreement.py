@@ -26,6 +26,8 @@ SHIFTED_GAIN = 0.1
 of 8 frames later have a common share of 0.58, those of their frames 0.81."""
 SHIFTED_MIN = 0.6
 """... and have at least this share of their union in common, as poses and masks of one frame do."""
+JOINTS_GAIN, JOINTS_MIN = 0.2, 0.8
+"""The same of poses of other frames, where the camera moves: shares of their joints that the masks cover."""
 _SHIFT_PAIRS_MIN = 3
 _FRACTION = 2
 LEGS_MIN = 0.85
@@ -71,25 +73,62 @@ def check_agreement(
 def _check_shift(
     body: Avatar, person: FilmedPerson, pose: Float64Array, root_m: Float64Array, otherwise: float
 ) -> None:
-    """Refuse masks that fit the poses of earlier or later frames clearly better, and better than `otherwise`."""
+    """Refuse masks or poses of other frames, which fit clearly better, and masks better than `otherwise`."""
     frames = np.array(some_frames(person))
-    both, either = _overlaps(body, person, frames, pose, root_m)
-    rows, count = np.arange(len(frames)), len(person)
+    best, found, instead = _best_shift(*_overlaps(body, person, frames, pose, root_m), frames)
+    if found > max(instead + SHIFTED_GAIN, SHIFTED_MIN, otherwise):
+        raise AvatarError(
+            f"The masks of {_words(best)} fit the poses better ({found:.2f} of their union instead of {instead:.2f}): "
+            "images, masks, poses and cameras must be of the same frames."
+        )
+    covered = _covered_joints(body, person, frames, pose, root_m)
+    best, found, instead = _best_shift(covered, np.full_like(covered, pose.shape[1]), frames)
+    if found > max(instead + JOINTS_GAIN, JOINTS_MIN):
+        raise AvatarError(
+            f"The poses of about {_words(best)} fit the masks better ({found:.0%} of the joints lie in the masks "
+            f"instead of {instead:.0%}): images, masks, poses and cameras must be of the same frames."
+        )
+
+
+def _best_shift(part: Int64Array, whole: Int64Array, frames: Int64Array) -> tuple[int, float, float]:
+    """The shift of frames with the largest gain, the share that is common then, and without it in the same frames.
+
+    Args:
+        part: What N frames have in common with each of F, shape (N, F).
+        whole: All that could be, shape (N, F).
+        frames: Numbers of the N frames, shape (N,).
+    """
+    rows, count = np.arange(len(frames)), part.shape[1]
     best, found, instead = 0, 0.0, 0.0
     for shift in range(1 - count, count):
         there = rows[(frames + shift >= 0) & (frames + shift < count)]
         if len(there) >= min(_SHIFT_PAIRS_MIN, len(frames)):
             own, other = (
-                float(both[there, columns].sum() / max(either[there, columns].sum(), 1))
+                float(part[there, columns].sum() / max(whole[there, columns].sum(), 1))
                 for columns in (frames[there], frames[there] + shift)
             )
             if other - own > found - instead:
                 best, found, instead = shift, other, own
-    if found > max(instead + SHIFTED_GAIN, SHIFTED_MIN, otherwise):
-        raise AvatarError(
-            f"The masks of {abs(best)} frames {'later' if best > 0 else 'earlier'} fit the poses better ({found:.2f} "
-            f"of their union instead of {instead:.2f}): images, masks, poses and cameras must be of the same frames."
-        )
+    return best, found, instead
+
+
+def _words(shift: int) -> str:
+    return f"{abs(shift)} frames {'later' if shift > 0 else 'earlier'}"
+
+
+def _covered_joints(
+    body: Avatar, person: FilmedPerson, frames: Int64Array, pose: Float64Array, root_m: Float64Array
+) -> Int64Array:
+    """How many joints of each pose the masks of some frames cover, as their cameras see them, shape (N, F)."""
+    counts = np.empty((len(frames), len(person)), dtype=np.int64)
+    for row, number in enumerate(frames):
+        view = view_at(person, number, _FRACTION)
+        mask = view.mask > 0.5
+        joints = np.floor(_project(body, view, pose, root_m)).astype(int)
+        inside: BoolArray = np.all((joints >= 0) & (joints < mask.shape[::-1]), axis=2)
+        columns, rows = np.where(inside[..., None], joints, 0).transpose(2, 0, 1)
+        counts[row] = (inside & mask[rows, columns]).sum(axis=1)
+    return counts
 
 
 def _overlaps(
@@ -134,7 +173,7 @@ def _check_feet(body: Avatar, person: FilmedPerson, pose: Float64Array, root_m: 
     frames = some_frames(person)
     for frame in frames:
         view = view_at(person, frame, _FRACTION)
-        pelvis, head = _project(body, view, pose[frame], root_m[frame])[[0, _HEAD]]
+        pelvis, head = _project(body, view, pose[frame][None], root_m[frame][None])[0, [0, _HEAD]]
         up = (head - pelvis) / max(float(np.linalg.norm(head - pelvis)), 1e-9)
         drawn = silhouette(body, packed, view, pose[frame], root_m[frame])
         legs.append(_legs_share(view.mask > 0.5, pelvis, up) / max(_legs_share(drawn, pelvis, up), 1e-9))
@@ -160,9 +199,9 @@ def _legs_share(mask: BoolArray, pelvis_px: Float64Array, up: Float64Array) -> f
 
 
 def _project(body: Avatar, view: PersonView, pose: Float64Array, root_m: Float64Array) -> Float64Array:
-    """Pixels of the joints in a view, shape (24, 2)."""
-    motion = Motion(root_m=root_m[None].astype(np.float32), pose_axis_angle=pose[None].astype(np.float32))
+    """Pixels of the joints of N poses in a view, shape (N, 24, 2)."""
+    motion = Motion(root_m=root_m.astype(np.float32), pose_axis_angle=pose.astype(np.float32))
     T = view.T_world_camera
-    seen = (joint_positions(body, motion)[0] - T[:3, 3]) @ T[:3, :3] @ view.K_px.T
-    pixels: Float64Array = seen[:, :2] / np.maximum(seen[:, 2:], 1e-6)
+    seen = (joint_positions(body, motion) - T[:3, 3]) @ T[:3, :3] @ view.K_px.T
+    pixels: Float64Array = seen[..., :2] / np.maximum(seen[..., 2:], 1e-6)
     return pixels

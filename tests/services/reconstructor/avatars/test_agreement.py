@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from readygo.apps.avatar.capture import AvatarCaptureConfig, capture_avatar
 from readygo.common.avatars import Avatar
 from readygo.common.errors import AvatarError
 from readygo.services.reconstructor.avatars.agreement import check_agreement
@@ -76,3 +77,18 @@ def test_swapped_sides_and_another_place_are_refused(
         check(coarse_body, person, footage, swap_sides(footage.pose_axis_angle))
     with pytest.raises(AvatarError, match="look at the cameras"):
         check(coarse_body, person, replace(footage, root_m=footage.root_m + np.array([1.0, 0.0, 0.0])))
+
+
+def test_poses_of_other_frames_of_a_camera_that_follows_are_named_by_the_shift(
+    coarse_body: Avatar, tmp_path: Path
+) -> None:
+    config = AvatarCaptureConfig(frames=16, width_px=96, height_px=96, layout="plain")
+    capture_avatar(coarse_body, tmp_path / "walk", config, lambda _: None)
+    walk = read_footage(tmp_path / "walk")
+    person = read_person(walk, 512)
+    assert check(coarse_body, person, walk) == []
+    shifted = replace(
+        walk, root_m=np.roll(walk.root_m, 3, axis=0), pose_axis_angle=np.roll(walk.pose_axis_angle, 3, axis=0)
+    )
+    with pytest.raises(AvatarError, match=r"The poses of about [34] frames later fit the masks better"):
+        check(coarse_body, person, shifted)
