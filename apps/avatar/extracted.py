@@ -3,7 +3,7 @@
 import numpy as np
 
 from readygo.apps.avatar.studio import standing_pose, stride_pose, turntable
-from readygo.apps.avatar.walking import contact_sheet
+from readygo.apps.avatar.walking import contact_sheet, motion_sheet
 from readygo.apps.report.page import Block, Meter, PageTable, Paragraph, drawing, fact_table, page, photograph
 from readygo.common.arrays import UInt8Array
 from readygo.common.avatars import avatar_hash
@@ -27,6 +27,9 @@ def extraction_page(extraction: Extraction) -> str:
         sections={
             "Held-out frames": _held_out(extraction.held_out),
             "New poses": [
+                drawing(
+                    motion_sheet(avatar), "A walk at 1.2 m/s, a turn, and a run at 3.2 m/s; time goes to the right."
+                ),
                 drawing(contact_sheet(avatar), "Four phases of a walk, each from three sides."),
                 drawing(turntable(avatar, (standing_pose(), stride_pose())), "Standing and in mid-stride, all around."),
             ],

@@ -1,4 +1,4 @@
-"""Previews of a walking avatar: a video, and a contact sheet of four phases of the gait, each from three sides.
+"""Previews of a walking avatar: a video, and contact sheets of its gait, and of a walk, a turn and a run.
 
 The floor has lines that make foot sliding visible.
 """
@@ -29,6 +29,13 @@ TILE = Framing(height_px=400, width_px=300, focal_px=800.0)
 SHEET_LENGTH_M = 9.0
 SHEET_DISTANCE_M, SHEET_HEIGHT_M = 4.4, 1.3
 _CAPTION_PX = 22
+RUN_MPS, TURN_MPS = 3.2, 0.7
+"""Speeds of a run (the gait runs above 2.2 m/s) and of a walk around a tight circle [m/s]."""
+TURN_RADIUS_M = 0.45
+MOTIONS = ("walk", "turn", "run")
+MOTION_COLUMNS, MOTION_STEP = 6, 3
+"""Pictures of each motion, and frames from one to the next of a walk or a run."""
+_MOTION_VIEW_RAD = 0.3 * np.pi
 
 
 def walk_frames(avatar: Avatar, *, seed: int = 0) -> Iterator[UInt8Array]:
@@ -93,14 +100,55 @@ def contact_sheet(avatar: Avatar, *, seed: int = 0) -> UInt8Array:
     for view, angle in VIEWS.items():
         tiles = []
         for phase, row in zip(PHASES, rows, strict=True):
-            x, y = motion.root_m[row, :2].tolist()
-            away = SHEET_DISTANCE_M * np.array([np.cos(angle), np.sin(angle)])
-            camera = look_at((x + away[0], y + away[1], SHEET_HEIGHT_M), (x, y, 0.5 * avatar.height_m))
-            tile = studio.picture(camera, motion, row, joints)
+            tile = studio.picture(_sheet_camera(avatar, motion, row, angle), motion, row, joints)
             put_text(tile, f"{phase}, {view}", (8, _CAPTION_PX - 6), size=0.4, halo=WHITE)
             tiles.append(tile)
         strips.append(np.concatenate(tiles, axis=1))
     return np.concatenate(strips)
+
+
+def motion_sheet(avatar: Avatar, *, seed: int = 0) -> UInt8Array:
+    """A row each of a walk, a turn and a run, a column per moment; the turn goes half around a tight circle.
+
+    Args:
+        avatar: Avatar that moves.
+        seed: Seed of the human's gait habits.
+
+    Returns:
+        RGB, shape (3 * 400, 6 * 300, 3).
+    """
+    studio, strips = Studio(avatar, TILE), []
+    for name in MOTIONS:
+        motion, rows = sheet_motion(avatar, name, seed=seed)
+        joints, tiles = joint_positions(avatar, motion), []
+        for row in rows:
+            tile = studio.picture(_sheet_camera(avatar, motion, row, _MOTION_VIEW_RAD), motion, row, joints)
+            put_text(tile, f"{name}, {(row - rows[0]) / FPS:.2f} s", (8, _CAPTION_PX - 6), size=0.4, halo=WHITE)
+            tiles.append(tile)
+        strips.append(np.concatenate(tiles, axis=1))
+    return np.concatenate(strips)
+
+
+def sheet_motion(avatar: Avatar, name: str, *, seed: int = 0) -> tuple[Motion, list[int]]:
+    """One of `MOTIONS`, and the rows of it that are shown."""
+    if name == "turn":
+        angle = np.linspace(0.0, 2.0 * np.pi, 400)
+        way = TURN_RADIUS_M * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=1)
+        motion = level_walk(avatar, way, TURN_MPS, seed=seed)
+        half = np.pi * TURN_RADIUS_M / TURN_MPS * FPS
+        return motion, np.linspace(0.5 * half, 1.5 * half, MOTION_COLUMNS).round().astype(int).tolist()
+    way = np.stack([np.linspace(0.0, SHEET_LENGTH_M, 200), np.zeros(200)], axis=1)
+    speed_mps = RUN_MPS if name == "run" else SPEED_MPS
+    motion = level_walk(avatar, way, speed_mps, seed=seed)
+    middle = round(0.5 * SHEET_LENGTH_M / speed_mps * FPS)
+    return motion, [middle + MOTION_STEP * column for column in range(MOTION_COLUMNS)]
+
+
+def _sheet_camera(avatar: Avatar, motion: Motion, row: int, angle: float) -> Float64Array:
+    """Pose of a sheet's camera, from +x by an angle to the left of the person [rad]; OpenCV axes, shape (4, 4)."""
+    x, y = motion.root_m[row, :2].tolist()
+    away = SHEET_DISTANCE_M * np.array([np.cos(angle), np.sin(angle)])
+    return look_at((x + away[0], y + away[1], SHEET_HEIGHT_M), (x, y, 0.5 * avatar.height_m))
 
 
 def phase_rows(joints_m: Float64Array) -> tuple[int, int, int, int]:

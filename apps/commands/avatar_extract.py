@@ -10,6 +10,7 @@ import numpy as np
 from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 from tyro.conf import Fixed, Positional
 
+from readygo.apps.avatar.output import check_avatar_out
 from readygo.apps.cli import NOTHING_SAVED
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.terminal import PlainConsole
@@ -43,16 +44,26 @@ class NetworkFiles:
 
 
 @dataclass(frozen=True, kw_only=True)
+class VideoOptions:
+    """What is known of a video's camera, which stands still; see --camera.height-m."""
+
+    intrinsics: str = ""
+    """Its lens: a calibration of OpenCV or ROS, a .json of cameras, or "fx fy cx cy" in pixels of upright frames."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class AvatarExtractOptions:
     """Extract an avatar from the images of one person, with masks, cameras and body poses or keypoints.
 
-    FOOTAGE has the layout of NeuMan's data, or the plain one (masks/, cameras.json, and poses.npz or keypoints.npz).
+    FOOTAGE has the layout of NeuMan's data, or the plain one (masks/, cameras.json, and poses.npz or keypoints.npz), or
+    is a video.
     Writes the avatar, and beside it NAME.html (held-out frames, new poses, unseen parts) and NAME.poses.npz (poses as
     they were found). After an interruption the same command resumes from NAME.work.
     """
 
     footage: Positional[Path]
-    """Folder with images, masks, cameras, and poses or keypoints of one person."""
+    """Folder with images, masks, cameras, and poses or keypoints of one person; or a video from a camera that stands
+    still, with masks/, poses.npz or keypoints.npz beside it."""
     out: Path
     """Avatar file (.npz) to write."""
     preset: AvatarPreset = "draft"
@@ -75,16 +86,17 @@ class AvatarExtractOptions:
     config: Path | None = None
     """TOML file with settings; `--KEY VALUE` and `--SECTION.KEY VALUE` override it."""
     models: NetworkFiles = field(default_factory=NetworkFiles)
+    video: VideoOptions = field(default_factory=VideoOptions)
     keys: Annotated[Keys, Sections(AvatarFitConfig), Fixed] = field(default_factory=dict)
 
 
 def avatar_extract(options: AvatarExtractOptions) -> None:
     """Extract an avatar from the images of one person, with masks, cameras and body poses or keypoints."""
-    if options.out.suffix.lower() != ".npz":
-        raise AvatarError(f"--out {options.out} must end in .npz.")
+    check_avatar_out(options.out, _inputs(options), (options.out.with_suffix(POSES_ENDING), options.checkpoint))
     check_texts(options.name or options.out.stem, options.license)
     config = replace(avatar_preset(options.preset), seed=options.seed)
-    config = with_keys(with_file(config, options.config), options.keys)
+    told = {"camera": {"intrinsics": options.video.intrinsics}} if options.video.intrinsics else {}
+    config = with_keys(with_keys(with_file(config, options.config), told), options.keys)
     if options.checkpoint is not None and (config.representation != "hugs" or options.body is None):
         raise ConfigError(
             "--checkpoint needs --representation hugs, and --body with the SMPL model whose skeleton it goes with."
@@ -106,6 +118,19 @@ def avatar_extract(options: AvatarExtractOptions) -> None:
         _print_report(options.out, extraction)
     for note in notes:
         PlainConsole(stderr=True, soft_wrap=True).print(f"Note: {note}", markup=False)
+
+
+def _inputs(options: AvatarExtractOptions) -> list[Path | None]:
+    """Files and folders that the avatar is made from."""
+    scene = None if options.scene is None else Path(options.scene)
+    return [
+        options.footage,
+        options.body,
+        scene,
+        options.config,
+        options.models.keypoint_model,
+        options.models.mask_model,
+    ]
 
 
 def _write(options: AvatarExtractOptions, extraction: Extraction) -> list[str]:

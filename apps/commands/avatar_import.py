@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 from tyro.conf import Positional
 
+from readygo.apps.avatar.output import check_avatar_out
 from readygo.apps.avatar.studio import standing_pose, stride_pose, turntable
 from readygo.apps.terminal import PlainConsole
 from readygo.common.avatars import Avatar, check_texts, save_avatar
 from readygo.common.avatars.importers import ImportOptions, ImportReport, import_human
 from readygo.common.drawing.files import write_png
-from readygo.common.errors import AvatarError
 from readygo.services.animator import skeleton_of
 
 _WIDE_SCALES = 10.0
@@ -50,8 +50,7 @@ class AvatarImportOptions:
 
 def avatar_import(options: AvatarImportOptions) -> None:
     """Convert a human model of another program to an avatar file; the format is detected from the file's content."""
-    if options.out.suffix.lower() != ".npz":
-        raise AvatarError(f"--out {options.out} must end in .npz.")
+    check_avatar_out(options.out, (options.file, options.smpl, options.betas, options.weights))
     check_texts(options.name or options.out.stem, options.license)
     settings = ImportOptions(
         license=options.license,

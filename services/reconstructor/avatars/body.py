@@ -48,7 +48,7 @@ def compare_bodies(
         pose: Poses, shape (F, 24, 3).
         root_m: Pelvises [m], shape (F, 3).
     """
-    frames = _some_frames(person)
+    frames = some_frames(person)
     found = []
     for name in sorted(bodies):
         body, tried = bodies[name], []
@@ -125,7 +125,7 @@ def _extent(mask: BoolArray) -> float:
 
 def overlap_of(body: Avatar, person: FilmedPerson, pose: Float64Array, root_m: Float64Array) -> float:
     """Common share of the silhouettes of a body and of the person, in some frames."""
-    return _compare(body, person, _some_frames(person), pose, root_m)[0]
+    return _compare(body, person, some_frames(person), pose, root_m)[0]
 
 
 def swap_sides(pose: Float64Array) -> Float64Array:
@@ -135,6 +135,7 @@ def swap_sides(pose: Float64Array) -> Float64Array:
     return out
 
 
-def _some_frames(person: FilmedPerson) -> list[int]:
+def some_frames(person: FilmedPerson) -> list[int]:
+    """Frames that bodies are compared in, spread evenly."""
     frames: list[int] = np.unique(np.linspace(0, len(person) - 1, _FRAMES).astype(int)).tolist()
     return frames

@@ -2,13 +2,14 @@
 
 | stage | folder | content |
 |---|---|---|
+| video | `video` | footage in the plain layout, of a video; see `fixed_camera` |
 | masks | `masks` | NAME.png of each image |
 | keypoints | `keypoints` | keypoints.npz |
 | poses | `poses` | poses.npz |
 """
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ from readygo.common.errors import AvatarError
 from readygo.common.files import write_whole
 from readygo.services.reconstructor.avatars.config import AvatarFitConfig
 from readygo.services.reconstructor.avatars.detectors import KeypointNetwork, MaskNetwork
+from readygo.services.reconstructor.avatars.fixed_camera import VIDEO_STAGE, footage_of_video
 from readygo.services.reconstructor.avatars.footage import (
     CAMERAS_FILE,
     MASKS,
@@ -47,9 +49,13 @@ from readygo.services.reconstructor.avatars.keypoints import (
     write_keypoints,
 )
 from readygo.services.reconstructor.avatars.views import PersonMask, read_masks, read_rgb
+from readygo.services.reconstructor.frames.names import times_of_names
 from readygo.services.reconstructor.stages import Stages, code_digest, identity_of
 
 MASKS_STAGE, KEYPOINTS_STAGE, POSES_STAGE = "masks", "keypoints", "poses"
+_UNEVEN_STEP, _UNEVEN_SHARE = 0.5, 0.1
+"""Steps between frames that are farther off the usual one, and the share of them that is noted."""
+STAGE_FOLDERS = (VIDEO_STAGE, MASKS_STAGE, KEYPOINTS_STAGE, POSES_STAGE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +83,7 @@ def complete_footage(
     """Read footage, and find what it lacks.
 
     Args:
-        folder: Video of a person, see `footage`.
+        folder: Film of a person, see `footage`, or a video from a camera that stands still.
         stages: Where to keep what is found.
         networks: What to find masks and keypoints with.
         bodies: Bodies whose mean proportions a person is expected to have.
@@ -86,19 +92,34 @@ def complete_footage(
     Raises:
         AvatarError: If something is missing that cannot be found, or does not fit the rest.
     """
+    hints: tuple[str, ...] = ()
+    if folder.is_file():
+        folder, hints = footage_of_video(folder, stages, config.camera)
     given, masks = poses_file(folder), masks_folder(folder)
-    unused = _unused_notes(folder, networks)
+    hints = (*hints, *_unused_notes(folder, networks))
     if masks is None and networks.mask is not None:
         masks = _find_masks(folder, stages, networks.mask)
     if given is not None or not _can_find_poses(folder, networks):
-        return CompleteFootage(footage=read_footage(folder, masks=masks), poses_found=False, notes=unused)
+        return CompleteFootage(footage=read_footage(folder, masks=masks), poses_found=False, notes=hints)
     if masks is None:
         raise AvatarError(f"{folder} has no masks: neither {MASKS[0]}/ nor {MASKS[1]}/; give them, or --mask-model.")
     views = read_views(folder)
     keypoints, notes = _keypoints(folder, masks, views, stages, networks.keypoints)
     found = _find_poses(keypoints, views, stages, bodies, config)
+    notes += _uneven_notes(views.images)
     footage = read_footage(folder, masks=masks, poses=stages.folder / POSES_STAGE / POSES_FILE)
-    return CompleteFootage(footage=footage, poses_found=True, notes=(*unused, *notes, *found["notes"]))
+    return CompleteFootage(footage=footage, poses_found=True, notes=(*hints, *notes, *found["notes"]))
+
+
+def _uneven_notes(names: Sequence[str]) -> list[str]:
+    steps = np.diff(times_of_names(names))
+    uneven = float(np.mean(np.abs(steps - 1.0) > _UNEVEN_STEP))
+    if uneven <= _UNEVEN_SHARE:
+        return []
+    return [
+        f"by their names {uneven:.0%} of the frames are not evenly spaced in time, and keypoints are fitted as if they "
+        "were: take frames at one rate."
+    ]
 
 
 def _can_find_poses(folder: Path, networks: PersonNetworks) -> bool:

@@ -13,8 +13,8 @@ class PosePriorConfig:
     """How far poses are trusted. The errors of given poses are found from the poses themselves, joint by joint."""
 
     in_order: bool = True
-    """True if the frames follow each other in time, at one rate; else given poses are trusted to `joint_deg` and
-    `root_m`, each by itself."""
+    """True if the frames follow each other in time, at one rate or as the numbers in their names tell; else given poses
+    are trusted to `joint_deg` and `root_m`, each by itself."""
     drift_deg: Annotated[float, Range(low=0.0)] = 1.0
     """Standard deviation of errors of given rotations that last for many frames, and so do not show in them [deg]."""
     drift_m: Annotated[float, Range(low=0.0)] = 0.01
@@ -51,6 +51,26 @@ class KeypointsConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
+class FixedCameraConfig:
+    """The camera of a video, which stands still on the floor z = 0 and looks along x."""
+
+    intrinsics: str = ""
+    """Its lens, without distortion: a calibration of OpenCV or ROS, a .json of cameras, or "fx fy cx cy" in pixels of
+    the upright frames; empty: that of most phones."""
+    height_m: Annotated[float, Range(above=0.0, high=10.0)] = 1.4
+    """Height of the lens above the floor [m]; the person's size grows with it."""
+    tilt_deg: Annotated[float, Range(low=-60.0, high=60.0)] = 0.0
+    """How far it looks down [deg]."""
+    rate_hz: Annotated[float, Range(low=5.0, high=60.0)] = 20.0
+    """About so many frames a second are taken, fewer of long videos."""
+    check_still: bool = True
+    """True refuses videos whose background moves; false is for cameras that are known to stand still."""
+
+    def __post_init__(self) -> None:
+        check_ranges(self)
+
+
+@dataclass(frozen=True, kw_only=True)
 class AvatarFitConfig:
     """How an avatar is extracted. The result is a function of these settings and of the film."""
 
@@ -77,6 +97,7 @@ class AvatarFitConfig:
     """Seed of the fit."""
     prior: PosePriorConfig = field(default_factory=PosePriorConfig)
     keypoints: KeypointsConfig = field(default_factory=KeypointsConfig)
+    camera: FixedCameraConfig = field(default_factory=FixedCameraConfig)
 
     def __post_init__(self) -> None:
         check_ranges(self)

@@ -16,13 +16,12 @@ import torch
 from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.avatars import Avatar, load_avatars, pose_avatar
 from readygo.common.config import section_to_mapping
-from readygo.common.errors import AvatarError, RunError
+from readygo.common.errors import RunError
 from readygo.common.gaussians import GaussianCloud
-from readygo.services.reconstructor.avatars.body import OVERLAP_MIN, compare_bodies, overlap_of, swap_sides, weights_of
+from readygo.services.reconstructor.avatars.agreement import check_agreement
+from readygo.services.reconstructor.avatars.body import compare_bodies, overlap_of, weights_of
 from readygo.services.reconstructor.avatars.complete import (
-    KEYPOINTS_STAGE,
-    MASKS_STAGE,
-    POSES_STAGE,
+    STAGE_FOLDERS,
     CompleteFootage,
     PersonNetworks,
     complete_footage,
@@ -40,7 +39,7 @@ from readygo.services.reconstructor.avatars.trajectory import (
     smoothed_trajectory,
     trusted_trajectory,
 )
-from readygo.services.reconstructor.avatars.views import FilmedPerson, PersonView, read_person, view_at
+from readygo.services.reconstructor.avatars.views import PersonView, read_person, view_at
 from readygo.services.reconstructor.differentiable.autograd import rasterize
 from readygo.services.reconstructor.stages import Stages, code_digest, identity_of, word_errors
 from readygo.services.reconstructor.training.checkpoint import CHECKPOINT_FILE, load_checkpoint, save_checkpoint
@@ -51,8 +50,6 @@ GREY = 0.5
 """Background that photos and drawn people are compared before."""
 FLOATER_M = 0.05
 """Gaussians that are this far from all others are left out [m]."""
-SWAPPED_GAIN = 0.05
-"""Poses with left and right exchanged fit the masks better by so much: the sides are swapped."""
 _SAVE_EVERY_S, _TELL_EVERY_S = 60.0, 1.0
 
 
@@ -118,7 +115,7 @@ def extract_avatar(
     """Extract an avatar; an interrupted call resumes with the same arguments, to the same result.
 
     Args:
-        folder: Film of a person, see `footage`.
+        folder: Film of a person, see `footage`, or a video from a camera that stands still.
         work: Folder of what is found and of the checkpoint; it goes if the film cannot be used.
         config: How; see `avatar_preset`.
         tell: Is told about every second how far it is.
@@ -181,7 +178,7 @@ def extract_avatar(
 def forget_extraction(work: Path) -> None:
     """Remove the checkpoint of an extraction whose result is written, and its folder if nothing else lies there."""
     with Stages(work, lambda _: None).alone():
-        for stage in (MASKS_STAGE, KEYPOINTS_STAGE, POSES_STAGE):
+        for stage in STAGE_FOLDERS:
             shutil.rmtree(work / stage, ignore_errors=True)
         (work / CHECKPOINT_FILE).unlink(missing_ok=True)
 
@@ -251,7 +248,8 @@ def _begin_fit(
         compared = compare_bodies(bodies, person, pose, root)
         body, overlap = compared[0].body, compared[0].overlap
         likely = mean_lengths(body, [each.body for each in compared], weights_of(compared))
-    _check_poses(body, overlap, person, pose, root)
+    notes = check_agreement(body, overlap, person, pose, root)
+    person = replace(person, notes=(*person.notes, *notes))
     fit = (
         HugsFit(body, person, trajectory, config, likely, pelvis_m=pelvis_m, fixed_lengths=smpl is not None)
         if hugs
@@ -271,24 +269,11 @@ def _trajectory(complete: CompleteFootage, config: AvatarFitConfig) -> PoseTraje
             root_sd_m=keypoints.root_m,
             jerk_deg=prior.jerk_deg,
             jerk_m=prior.jerk_m,
+            times=footage.times,
         )
     if prior.in_order:
-        return smoothed_trajectory(*given, prior)
+        return smoothed_trajectory(*given, prior, times=footage.times)
     return trusted_trajectory(*given, joint_deg=prior.joint_deg, root_sd_m=prior.root_m)
-
-
-def _check_poses(body: Avatar, overlap: float, person: FilmedPerson, pose: Float64Array, root: Float64Array) -> None:
-    swapped = overlap_of(body, person, swap_sides(pose), root)
-    if swapped > overlap + SWAPPED_GAIN:
-        raise AvatarError(
-            f"The poses fit the masks better with left and right exchanged ({swapped:.2f} of their union instead of "
-            f"{overlap:.2f}): the sides of the joints are swapped."
-        )
-    if overlap < OVERLAP_MIN:
-        raise AvatarError(
-            f"Poses and masks have {overlap:.2f} of their union in common, at least {OVERLAP_MIN} are needed: look at "
-            "the cameras, the scale, and the order of poses and images."
-        )
 
 
 def _run(fit: PersonFit, work: Path, identity: str, tell: Callable[[ExtractionProgress], None]) -> float:

@@ -23,6 +23,7 @@ Both layouts have pixel centres at +0.5.
 """
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -40,6 +41,7 @@ from readygo.common.frames import (
     zup_from_yup,
 )
 from readygo.services.reconstructor.frames.masks import mask_of
+from readygo.services.reconstructor.frames.names import times_of_names
 
 IMAGES, SPARSE, CAMERAS_FILE, POSES_FILE = "images", "sparse", "cameras.json", "poses.npz"
 MASKS = ("segmentations", "masks")
@@ -75,6 +77,11 @@ class Footage:
 
     def __len__(self) -> int:
         return len(self.names)
+
+    @property
+    def times(self) -> Float64Array:
+        """When the frames were taken, by their names, in usual spacings, shape (F,)."""
+        return times_of_names(self.names)
 
 
 def read_footage(folder: Path, *, masks: Path | None = None, poses: Path | None = None) -> Footage:
@@ -114,7 +121,7 @@ def read_views(folder: Path) -> CapturedViews:
     """The cameras of a film in the plain layout, in the order of the images' names.
 
     Raises:
-        AvatarError: If they are missing, cannot be read, or are those of too few or too many images.
+        AvatarError: If they are missing, cannot be read, or are those of too few or too many images, or of one twice.
     """
     _require_folder(folder)
     if not (folder / CAMERAS_FILE).is_file():
@@ -124,7 +131,7 @@ def read_views(folder: Path) -> CapturedViews:
     except ReadygoError as error:
         raise AvatarError(str(error).split("; ")[0] + ".") from error
     _check_count(folder, len(views))
-    return _by_name(views)
+    return _by_name(views, folder / CAMERAS_FILE)
 
 
 def image_files(folder: Path, names: Sequence[str]) -> tuple[Path, ...]:
@@ -223,8 +230,15 @@ def _views(footage: Footage) -> CapturedViews:
     )
 
 
-def _by_name(views: CapturedViews) -> CapturedViews:
-    """Cameras in the order of their images' names as text, in which the rows of the poses are."""
+def _by_name(views: CapturedViews, source: Path) -> CapturedViews:
+    """Cameras in the order of their images' names as text, in which the rows of the poses are.
+
+    Raises:
+        AvatarError: If an image has two cameras; `source` is where they are from.
+    """
+    name, count = Counter(views.images).most_common(1)[0] if len(views) else ("", 0)
+    if count > 1:
+        raise AvatarError(f"{source} has {count} cameras for the image {name}; leave one of them.")
     return views.select(sorted(range(len(views)), key=lambda number: views.images[number]))
 
 
@@ -297,7 +311,7 @@ def _colmap_views(folder: Path) -> CapturedViews:
     try:
         if not colmap.is_pinhole(model):
             raise AvatarError(f"{model} has cameras with distortion; undistort the images with `colmap` first.")
-        return _by_name(colmap.pinhole_views(model))
+        return _by_name(colmap.pinhole_views(model), model)
     except AvatarError:
         raise
     except ReadygoError as error:
@@ -349,7 +363,7 @@ def _footage(
 
 def _require_folder(folder: Path) -> None:
     if not folder.is_dir():
-        raise AvatarError(f"{folder} is not a folder; give one with images, masks, cameras and poses of a person.")
+        raise AvatarError(f"{folder} is not a folder; give one with images, masks, cameras and poses, or a video.")
 
 
 def _check_count(folder: Path, count: int) -> None:

@@ -1,8 +1,8 @@
 """What given poses tell of how a person moved: the likeliest motion, and how far it may be off, before any image.
 
 The pose of each frame is a measurement with a separate error, and the motion is smooth. Legend: y_f = an entry of a
-joint's rotation matrix, or a coordinate of the pelvis, in frame f; D = second differences between frames; s = standard
-deviation of the errors. The likeliest motion minimises
+joint's rotation matrix, or a coordinate of the pelvis, in frame f; D = second differences between frames, divided ones
+where these are not evenly spaced in time; s = standard deviation of the errors. The likeliest motion minimises
 
     sum_f (x_f - y_f)^2 + l |D x|^2,   so x = U h U^T y,   h = 1 / (1 + l e),   with D^T D = U e U^T
 
@@ -53,19 +53,22 @@ class PoseTrajectory:
     """Standard deviation of each mode for each coordinate of the pelvis [m], shape (F,)."""
 
 
-def smoothed_trajectory(pose_axis_angle: Float64Array, root_m: Float64Array, prior: PosePriorConfig) -> PoseTrajectory:
+def smoothed_trajectory(
+    pose_axis_angle: Float64Array, root_m: Float64Array, prior: PosePriorConfig, *, times: Float64Array | None = None
+) -> PoseTrajectory:
     """The trajectory of poses whose frames follow each other in time, with errors that are found from them.
 
     Args:
         pose_axis_angle: Given poses [rad], shape (F, 24, 3).
         root_m: Given pelvises [m], shape (F, 3).
         prior: How far they drift.
+        times: When the frames were taken, in usual spacings, shape (F,); None where they are evenly spaced.
 
     Raises:
         AvatarError: If the pelvis jumps from frame to frame: the frames are not in the order of time.
     """
     count = len(root_m)
-    roughness, modes = _modes(count)
+    roughness, modes = _modes(count, times)
     entries = matrix_from_axis_angle(pose_axis_angle).reshape(count, 24, 9)
     smooth, joint_rad = np.empty_like(entries), np.empty((24, count))
     drift = 1.0 / (1.0 + _DRIFT_SMOOTHNESS * roughness)
@@ -94,6 +97,7 @@ def trusted_trajectory(
     root_sd_m: float,
     jerk_deg: float = np.inf,
     jerk_m: float = np.inf,
+    times: Float64Array | None = None,
 ) -> PoseTrajectory:
     """Poses as they are given, with errors of stated sizes.
 
@@ -105,8 +109,9 @@ def trusted_trajectory(
         jerk_deg: Standard deviation of an error from the middle of those before and after [deg]; infinite where frames
             do not follow each other in time.
         jerk_m: The same of the pelvis [m].
+        times: When the frames were taken, in usual spacings, shape (F,); None where they are evenly spaced.
     """
-    roughness, modes = _modes(len(root_m))
+    roughness, modes = _modes(len(root_m), times)
     # A second difference is twice the distance from the middle.
     turned, moved = ((0.5 * sd / jerk) ** 2 for sd, jerk in ((joint_deg, jerk_deg), (root_sd_m, jerk_m)))
     return PoseTrajectory(
@@ -118,11 +123,20 @@ def trusted_trajectory(
     )
 
 
-def _modes(count: int) -> tuple[Float64Array, Float64Array]:
+def _modes(count: int, times: Float64Array | None = None) -> tuple[Float64Array, Float64Array]:
     """Squared second differences of the modes, and the modes in columns, the slowest first."""
-    second = np.diff(np.eye(count), n=2, axis=0)
+    second = np.diff(np.eye(count), n=2, axis=0) if times is None else _divided_differences(times)
     roughness, modes = np.linalg.eigh(second.T @ second)
     return np.maximum(roughness, 0.0), modes
+
+
+def _divided_differences(times: Float64Array) -> Float64Array:
+    """Second differences of frames at times, each for the time that it stands for, shape (F - 2, F)."""
+    steps = np.diff(times)
+    first = np.diff(np.eye(len(times)), axis=0) / steps[:, None]
+    span = 0.5 * (steps[1:] + steps[:-1])[:, None]
+    second: Float64Array = np.diff(first, axis=0) / np.sqrt(span)
+    return second
 
 
 def _check_order(root_m: float, turn_deg: float) -> None:

@@ -16,7 +16,7 @@ MARGIN_SHARE = 0.06
 """What is kept around the person's box, in sides of the box; the person may be a bit beyond the mask."""
 _MARGIN_PX = 12
 _PERSON_MIN_PX, _PERSON_MIN_SIDE_PX = 200, 40
-"""Pixels of a mask, and its longer side, below which there is too little to see."""
+"""Pixels of a mask, and its longer side, below which there is too little to see; as few black ones are none, too."""
 _SECOND_SHARE, _SECOND_FRAMES = 0.3, 0.2
 """Another piece of a mask of this share of the largest one is another person, if it is in so many frames."""
 BAND_SHARE = 0.03
@@ -140,12 +140,14 @@ def read_masks(paths: Sequence[Path], sizes_px: Int64Array) -> tuple[list[Person
         sizes_px: Width and height of the images, shape (F, 2).
 
     Raises:
-        AvatarError: If a mask cannot be read, does not fit its image, or they show no one or two people.
+        AvatarError: If a mask cannot be read, does not fit its image, or they show no one, everything or two people.
     """
-    masks, borders = [], []
+    masks, borders, whole = [], [], []
     for path in paths:
         mask = _read_mask(path)
         borders.append(_border(mask))
+        if np.count_nonzero(mask) > mask.size - _PERSON_MIN_PX:
+            whole.append(path)
         # In some data sets the person is black. What most masks show is known at the end.
         masks.append(PersonMask.of_whole(~mask if borders[-1] > 0.5 else mask))
     black = bool(np.mean(borders) > 0.5)
@@ -156,6 +158,11 @@ def read_masks(paths: Sequence[Path], sizes_px: Int64Array) -> tuple[list[Person
     for path, found, (width, height) in zip(paths, masks, sizes_px.tolist(), strict=True):
         if found.shape != (height, width):
             raise AvatarError(f"{path} has {found.shape[1]}x{found.shape[0]} px, its image {width}x{height} px.")
+    if whole:
+        raise AvatarError(
+            f"{len(whole)} of {len(paths)} masks are white all over, {whole[0].name} among them: they show the whole "
+            "image; only the person must be white."
+        )
     return masks, _check_masks(paths, masks)
 
 

@@ -20,6 +20,8 @@ from readygo.services.reconstructor.frames.video import is_same_shape
 FOLDER = "masks"
 _INVERTED = 0.6
 """Masks that hide a larger share of the images are likely to mean the opposite."""
+_HIDDEN_MAX = 0.9
+"""Masks that hide a larger share leave no place to be made."""
 _KEEPS = 255
 
 
@@ -58,7 +60,8 @@ def prepare_masks(
         `masked`: the mean share of the pixels that are ignored; `notes`.
 
     Raises:
-        SceneError: If a mask is missing, cannot be read, or has another shape than its image.
+        SceneError: If a mask is missing, cannot be read, or has another shape than its image, or if masks hide nearly
+            all.
     """
     mask_files(masks)
     sources: dict[str, list[str]] = {name: [name] for name in names}
@@ -78,6 +81,11 @@ def prepare_masks(
         shares.append(float((mask == 0).mean()))
         write_whole(folder / f"{name}.png", cv2.imencode(".png", mask)[1].tobytes(), raises=SceneError)
     masked = float(np.mean(shares))
+    if masked > _HIDDEN_MAX:
+        raise SceneError(
+            f"{masks} hides {100 * masked:.0f} % of the images in the mean: too little is left to make a place of. 0 "
+            "stands for what is to be ignored; if that is right, film when fewer people are there."
+        )
     notes = [f"masks hide {100 * masked:.0f} % of the images in the mean"]
     if masked > _INVERTED:
         notes = [f"{notes[0]}: check that 0 stands for what is to be ignored"]

@@ -1,6 +1,12 @@
 """Names of images: their order, and what no name of an image may hold."""
 
 import re
+from collections.abc import Sequence
+from pathlib import PurePath
+
+import numpy as np
+
+from readygo.common.arrays import Float64Array
 
 _SIZE_FOLDER = re.compile(r"\d+x\d+/")
 """Folder of the photos of one size, see `photos`: photos of several sizes follow each other by their own names."""
@@ -23,3 +29,22 @@ def image_order(name: str) -> tuple[str, str]:
 def usable_name(name: str) -> str:
     """The name of an image that is written: with _ for each space, and for # at the beginning."""
     return _UNUSABLE.sub("_", name)
+
+
+def times_of_names(names: Sequence[str]) -> Float64Array:
+    """When images were taken, by the frame numbers at the end of their names, in usual spacings, shape (F,).
+
+    Names that differ in more than one number, or whose numbers do not grow, tell nothing: their images are evenly
+    spaced.
+    """
+    even = np.arange(len(names), dtype=np.float64)
+    parts = [re.fullmatch(r"(.*?)(\d{1,15})", PurePath(name).with_suffix("").as_posix()) for name in names]
+    found = [part for part in parts if part is not None]
+    if len(found) < len(names) or len({part[1] for part in found}) != 1:
+        return even
+    numbers = np.array([int(part[2]) for part in found], dtype=np.float64)
+    spacing = np.diff(numbers)
+    if len(numbers) < 2 or not (spacing > 0.0).all():
+        return even
+    times: Float64Array = (numbers - numbers[0]) / np.median(spacing)
+    return times

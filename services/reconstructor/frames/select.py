@@ -41,15 +41,21 @@ def sharpness(bgr: UInt8Array) -> float:
     return float(cv2.Laplacian(grey, cv2.CV_32F).std() / (grey.std() + 1.0))
 
 
-def motion(before: UInt8Array, now: UInt8Array) -> float:
-    """Median way of corners from one small frame to the next, as share of the width; 0 where there are none."""
+def motion(before: UInt8Array, now: UInt8Array, *, share: float = 0.5) -> float:
+    """Way of corners from one small frame to another, as share of the width; 0 where there are none.
+
+    Args:
+        before: One frame, shape (H, W).
+        now: The other one, shape (H, W).
+        share: So many corners move less; half of them gives the median.
+    """
     corners = cv2.goodFeaturesToTrack(before, _CORNERS, 0.01, 7)
     if corners is None:
         return 0.0
     moved, found, _ = cv2.calcOpticalFlowPyrLK(before, now, corners, np.empty_like(corners))
     way_px = np.linalg.norm((moved - corners).reshape(-1, 2)[found.ravel() == 1], axis=1)
     # Lost corners mean that the picture changed a lot.
-    return float(np.median(way_px)) / before.shape[1] if 2 * len(way_px) > len(corners) else 0.25
+    return float(np.quantile(way_px, share)) / before.shape[1] if 2 * len(way_px) > len(corners) else 0.25
 
 
 def choose_frames(scores: FrameScores, *, count_max: int, step: float) -> Int64Array:

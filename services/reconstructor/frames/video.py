@@ -65,7 +65,7 @@ def extract_frames(video: Path, folder: Path, config: FramesConfig) -> dict[str,
         )
     wanted = set(chosen.tolist())
     size = source = (0, 0)
-    for number, (bgr, _) in enumerate(_frames(video)):
+    for number, (bgr, _) in enumerate(read_frames(video)):
         if number in wanted:
             source = (bgr.shape[1], bgr.shape[0])
             bgr = shrunk(bgr, config.side_max_px)
@@ -75,7 +75,7 @@ def extract_frames(video: Path, folder: Path, config: FramesConfig) -> dict[str,
             break
     notes = [f"{cut}; its first {seconds:.1f} s are used"] if cut else []
     return {"frames": count, "seconds": round(seconds, 2), "kept": len(chosen), "size_px": list(size),
-            "source_px": list(source), "turned_deg": _turned_deg(video), "notes": notes}  # fmt: skip
+            "source_px": list(source), "turned_deg": turned_deg(video), "notes": notes}  # fmt: skip
 
 
 def shrunk(bgr: UInt8Array, side_max_px: int) -> UInt8Array:
@@ -107,7 +107,7 @@ def write_jpeg(path: Path, bgr: UInt8Array) -> None:
 def _scores(video: Path) -> tuple[FrameScores, float]:
     """Scores of all frames, and the seconds that they last."""
     sharp, moved, before, times_s = [], [], None, []
-    for bgr, time_s in _frames(video):
+    for bgr, time_s in read_frames(video):
         now = small_grey(bgr)
         times_s.append(time_s)
         sharp.append(sharpness(bgr))
@@ -121,17 +121,21 @@ def _seconds(video: Path, times_s: Sequence[float]) -> float:
     count = len(times_s)
     if count > 1 and times_s[-1] > times_s[0]:
         return (times_s[-1] - times_s[0]) * count / (count - 1)
-    return count / (_open_video(video).get(cv2.CAP_PROP_FPS) or 30.0)
+    return count / (open_video(video).get(cv2.CAP_PROP_FPS) or 30.0)
 
 
-def _turned_deg(video: Path) -> int:
+def turned_deg(video: Path) -> int:
     """By how much frames are turned clockwise to be upright, as the video says that it was held [deg]."""
-    return round(float(_open_video(video).get(cv2.CAP_PROP_ORIENTATION_META))) % 360
+    return round(float(open_video(video).get(cv2.CAP_PROP_ORIENTATION_META))) % 360
 
 
-def _frames(video: Path) -> Iterator[tuple[UInt8Array, float]]:
-    """All frames, turned as the video says that it was held, and when they begin [s]."""
-    capture = _open_video(video)
+def read_frames(video: Path) -> Iterator[tuple[UInt8Array, float]]:
+    """All frames, turned as the video says that it was held, and when they begin [s].
+
+    Raises:
+        SceneError: If it cannot be read.
+    """
+    capture = open_video(video)
     try:
         while True:
             there, bgr = capture.read()
@@ -142,7 +146,12 @@ def _frames(video: Path) -> Iterator[tuple[UInt8Array, float]]:
         capture.release()
 
 
-def _open_video(video: Path) -> Any:
+def open_video(video: Path) -> Any:
+    """OpenCV's reader of a video, which turns frames as the video says that it was held.
+
+    Raises:
+        SceneError: If it cannot be read.
+    """
     capture = cv2.VideoCapture(str(video))
     if not capture.isOpened():
         cut = cut_off(video)

@@ -56,8 +56,10 @@ def prepare_capture(given: GivenCapture, folder: Path, config: FramesConfig) -> 
         share of the file's. Files whose names repeat are named from the capture's folder on.
 
     Raises:
-        SceneError: If too few images are there, two have the same name, or one does not have its lens's shape.
+        SceneError: If too few images are there, two have the same name, one is there twice, or one does not have its
+            lens's shape.
     """
+    _refuse_repeated(given)
     there = [row for row, path in enumerate(given.images) if path.is_file()]
     chosen = np.unique(np.linspace(0, len(there) - 1, min(len(there), config.count_max)).round().astype(int))
     names = _names([given.images[there[k]] for k in chosen]) if len(there) else []
@@ -94,6 +96,15 @@ def prepare_capture(given: GivenCapture, folder: Path, config: FramesConfig) -> 
             "what": given.kind, "metric": given.metric, "rough": given.rough,
             "up": None if given.up is None else list(given.up),
             "lens": lenses, "pose": poses, "photos": photos}  # fmt: skip
+
+
+def _refuse_repeated(given: GivenCapture) -> None:
+    repeated = [path for path, count in Counter(map(os.path.abspath, given.images)).items() if count > 1]
+    if repeated:
+        raise SceneError(
+            f"The {given.kind} has {len(repeated)} images twice or more, {Path(repeated[0]).name} among them; leave "
+            "one pose of each."
+        )
 
 
 def _told_names(given: GivenCapture) -> list[str]:

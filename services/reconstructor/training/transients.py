@@ -71,6 +71,8 @@ _PHOTOS_MIN = 8
 """Fewer photos are not searched."""
 FOLDER = "transients"
 """Where masks are kept, and their pictures among the previews."""
+SHARE_MAX = 0.5
+"""Where more of the pixels show what moves, usual differences are those of what moves: the place is not known."""
 _REPORT, _WORK = "found.json", "work_"
 
 Fit = Callable[[Posed, Path, GaussiansConfig, Tell], Gaussians]
@@ -186,13 +188,23 @@ def _work_folder(folder: Path, identity: str) -> Path:
 
 
 def _found(folder: Path, identity: str) -> Transients | None:
-    """What an earlier search has found."""
+    """What a search has found; None without one.
+
+    Raises:
+        RunError: If most of the photos' pixels show what moves.
+    """
     try:
         found = read_json(folder / _REPORT)
     except (OSError, ValueError):
         return None
     if not isinstance(found, dict) or found.get("identity") != identity:
         return None
+    if found["share"] > SHARE_MAX:
+        raise RunError(
+            f"{100 * found['share']:.0f} % of the pixels look as if something moved there: too little of the place is "
+            "shown. Film when fewer people are there, or give masks; see previews/transients (transients = false uses "
+            "all pixels)."
+        )
     return Transients(masks=folder / "masks", share=found["share"], photos=found["photos"], seconds=found["seconds"])
 
 

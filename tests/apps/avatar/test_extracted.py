@@ -32,10 +32,18 @@ def test_page_names_quality_and_hidden_parts(monkeypatch: pytest.MonkeyPatch) ->
     def blank(*_: object, **__: object) -> UInt8Array:
         return np.zeros((4, 4, 3), np.uint8)
 
-    monkeypatch.setattr(extracted, "contact_sheet", blank)
-    monkeypatch.setattr(extracted, "turntable", blank)
+    for sheet in ("motion_sheet", "contact_sheet", "turntable"):
+        monkeypatch.setattr(extracted, sheet, blank)
     text = extraction_page(_extraction())
-    for words in ("27.2 dB", "SSIM 0.912", "00008.png", "44,509", "40 %", "the person is cut off."):
+    for words in (
+        "27.2 dB",
+        "SSIM 0.912",
+        "00008.png",
+        "44,509",
+        "40 %",
+        "the person is cut off.",
+        "a turn, and a run",
+    ):
         assert words in text
 
 

@@ -5,9 +5,22 @@ import itertools
 import numpy as np
 import pytest
 
-from readygo.apps.avatar.walking import AMPLITUDE_M, FRAMING, LENGTH_M, phase_rows, s_curve_walk, walk_frames
-from readygo.common.avatars import Avatar, load_avatars
+from readygo.apps.avatar.walking import (
+    AMPLITUDE_M,
+    FPS,
+    FRAMING,
+    LENGTH_M,
+    MOTIONS,
+    RUN_MPS,
+    SPEED_MPS,
+    phase_rows,
+    s_curve_walk,
+    sheet_motion,
+    walk_frames,
+)
+from readygo.common.avatars import Avatar, joint_positions, load_avatars
 from readygo.common.errors import AvatarError
+from readygo.common.frames import matrix_from_axis_angle
 
 
 @pytest.fixture(scope="module")
@@ -44,3 +57,20 @@ def test_phases_are_quarters_of_a_stride() -> None:
     assert [row - first for row in others] == [5, 10, 15]
     with pytest.raises(AvatarError, match="no whole stride"):
         phase_rows(joints[:20])
+
+
+def test_sheet_shows_a_walk_a_turn_and_a_run(person: Avatar) -> None:
+    walked, turned, ran = (sheet_motion(person, name) for name in MOTIONS)
+    for (motion, rows), speed_mps in ((walked, SPEED_MPS), (ran, RUN_MPS)):
+        seconds = (rows[-1] - rows[0]) / FPS
+        assert (motion.root_m[rows[-1], 0] - motion.root_m[rows[0], 0]) / seconds == pytest.approx(speed_mps, rel=0.05)
+    # Both feet are off the floor in a run alone.
+    flying = [
+        (joint_positions(person, motion)[rows[0] : rows[-1], [7, 8], 2].min(axis=1) > 1.4 * person.joints_tpose_m[7, 1])
+        for motion, rows in (walked, ran)
+    ]
+    assert not flying[0].any()
+    assert flying[1].any()
+    heading = [np.asarray(matrix_from_axis_angle(turned[0].pose_axis_angle[row, 0])) @ (0.0, 0.0, 1.0) for row in
+               (turned[1][0], turned[1][-1])]  # fmt: skip
+    assert float(heading[0] @ heading[1]) < -0.8

@@ -1,9 +1,11 @@
 """From a film to a file by the command, and one line for what cannot be used."""
 
 import json
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -28,8 +30,8 @@ def test_avatar_report_and_poses_are_written(
     monkeypatch.setattr(
         "readygo.services.reconstructor.avatars.extract.load_avatars", lambda: {"hana": load_avatars()["hana"]}
     )
-    monkeypatch.setattr("readygo.apps.avatar.extracted.contact_sheet", lambda _: np.zeros((4, 4, 3), np.uint8))
-    monkeypatch.setattr("readygo.apps.avatar.extracted.turntable", lambda *_: np.zeros((4, 4, 3), np.uint8))
+    for name in ("motion_sheet", "contact_sheet", "turntable"):
+        monkeypatch.setattr(f"readygo.apps.avatar.extracted.{name}", lambda *_: np.zeros((4, 4, 3), np.uint8))
     out = tmp_path / "person.npz"
     run_command(COMMANDS, ["avatar", "extract", str(film), "--out", str(out), "--steps", "10", "--json"])
     report = json.loads(capsys.readouterr().out)
@@ -75,7 +77,7 @@ def test_avatar_comes_of_keypoints(
     capture_avatar(hana, tmp_path / "film", config, lambda _: None)
     monkeypatch.setattr("readygo.services.reconstructor.avatars.extract.load_avatars", lambda: {"hana": hana})
     monkeypatch.setattr("readygo.services.reconstructor.avatars.keypoint_poses._STAGES", ((3.0, 60), (1.0, 20)))
-    for name in ("contact_sheet", "turntable"):
+    for name in ("motion_sheet", "contact_sheet", "turntable"):
         monkeypatch.setattr(f"readygo.apps.avatar.extracted.{name}", lambda *_: np.zeros((4, 4, 3), np.uint8))
     argv = [str(tmp_path / "film"), "--out", str(tmp_path / "person.npz"), "--steps", "10", "--json"]
     run_command(COMMANDS, ["avatar", "extract", *argv])
@@ -84,13 +86,43 @@ def test_avatar_comes_of_keypoints(
     assert {path.name for path in tmp_path.iterdir()} == {"film", "person.npz", "person.html", "person.poses.npz"}
 
 
+def test_avatar_comes_of_a_video_of_a_camera_that_stands_still(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hana, side = load_avatars()["hana"], 128
+    config = AvatarCaptureConfig(
+        motion="turn", frames=16, width_px=side, height_px=side, layout="plain", body="keypoints", keypoint_noise_px=0.5
+    )
+    monkeypatch.setattr("readygo.apps.avatar.capture._SWAY_M", 0.0)
+    capture_avatar(hana, tmp_path / "film", config, lambda _: None)
+    writer = cv2.VideoWriter(str(tmp_path / "v.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 20.0, (side, side))
+    (tmp_path / "masks").mkdir()
+    for number in range(config.frames):
+        writer.write(cv2.imread(str(tmp_path / "film" / "images" / f"{number:05d}.png")))
+        shutil.copy(tmp_path / "film" / "masks" / f"{number:05d}.png", tmp_path / "masks" / f"{number:06d}.png")
+    writer.release()
+    np.savez(tmp_path / "keypoints.npz", keypoints=np.load(tmp_path / "film" / "keypoints.npz")["keypoints"])
+    monkeypatch.setattr("readygo.services.reconstructor.avatars.extract.load_avatars", lambda: {"hana": hana})
+    for name in ("motion_sheet", "contact_sheet", "turntable"):
+        monkeypatch.setattr(f"readygo.apps.avatar.extracted.{name}", lambda *_: np.zeros((4, 4, 3), np.uint8))
+    forward = np.load(tmp_path / "film" / "truth.npz")["T_world_camera"][0, :3, 2]
+    stands = ["--camera.height-m", "1.35", "--camera.tilt-deg", str(np.rad2deg(np.arcsin(-forward[2])))]
+    argv = [str(tmp_path / "v.mp4"), "--intrinsics", "192 192 64 64", *stands, "--steps", "10", "--json"]
+    run_command(COMMANDS, ["avatar", "extract", *argv, "--out", str(tmp_path / "out" / "person.npz")])
+    report = json.loads(capsys.readouterr().out)
+    assert report["frames"] == 16
+    assert report["height_m"] == pytest.approx(hana.height_m, rel=0.08)
+    assert "the camera is taken to be 1.35 m above the floor" in report["notes"][0]
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"person.npz", "person.html", "person.poses.npz"}
+
+
 def test_avatar_comes_of_a_film_in_a_known_scene(
     film: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     hana = load_avatars()["hana"]
     monkeypatch.setattr("readygo.services.reconstructor.avatars.extract.load_avatars", lambda: {"hana": hana})
-    for name in ("contact_sheet", "turntable"):
+    for name in ("motion_sheet", "contact_sheet", "turntable"):
         monkeypatch.setattr(f"readygo.apps.avatar.extracted.{name}", lambda *_: np.zeros((4, 4, 3), np.uint8))
     options = ["--motion", "turn", "--frames", "8", "--size", "96", "96", "--pose-noise-deg", "1"]
     options += ["--scene", "embedded", "--walk-radius-m", "0.6", "--mask-noise-px", "1"]
@@ -115,11 +147,14 @@ def test_avatar_comes_of_a_film_in_a_known_scene(
     ("argv", "words"),
     [
         (["nowhere", "--out", "person.npz"], "is not a folder"),
-        ([".", "--out", "person.npz"], "has no poses"),
+        ([".", "--out", "../person.npz"], "has no poses"),
         ([".", "--out", "person.ply"], "must end in .npz"),
-        ([".", "--out", "person.npz", "--license", "x" * 2001], "license has at most 2000 characters, got 2001"),
-        ([".", "--out", "person.npz", "--scene", "nowhere"], "nowhere"),
-        ([".", "--out", "person.npz", "--checkpoint", "p.pth"], "--checkpoint needs --representation hugs, and --body"),
+        ([".", "--out", "poses.npz"], "poses.npz lies inside the input ."),
+        (["film.mp4", "--out", "smpl.npz", "--body", "smpl.npz"], "smpl.npz is an input"),
+        (["film", "--out", "a.npz", "--checkpoint", "seg.onnx", "--mask-model", "seg.onnx"], "seg.onnx is an input"),
+        ([".", "--out", "../person.npz", "--license", "x" * 2001], "license has at most 2000 characters, got 2001"),
+        ([".", "--out", "../person.npz", "--scene", "nowhere"], "nowhere"),
+        (["film", "--out", "a.npz", "--checkpoint", "p.pth"], "--checkpoint needs --representation hugs, and --body"),
     ],
 )
 def test_mistakes_end_in_one_line(

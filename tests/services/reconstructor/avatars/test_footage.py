@@ -1,5 +1,6 @@
 """Films of people are read in both layouts, and refused in words."""
 
+import json
 import shutil
 from pathlib import Path
 
@@ -124,3 +125,16 @@ def test_cameras_are_in_the_order_of_names_as_text_in_which_the_poses_are(neuman
     order = sorted(range(12), key=str)
     assert after.names == tuple(f"{number}.png" for number in order)
     np.testing.assert_array_equal(after.T_world_camera, before.T_world_camera[order])
+
+
+def test_image_with_two_cameras_is_named(own_film: Path, neuman_film: Path, tmp_path: Path) -> None:
+    cameras = json.loads((own_film / "cameras.json").read_text())
+    cameras[5]["img_name"] = cameras[2]["img_name"]
+    (own_film / "cameras.json").write_text(json.dumps(cameras))
+    with pytest.raises(AvatarError, match=r"cameras\.json has 2 cameras for the image 00002\.png"):
+        read_footage(own_film)
+    folder = Path(shutil.copytree(neuman_film, tmp_path / "twice"))
+    path = folder / "sparse" / "images.txt"
+    path.write_text(path.read_text().replace(" 00005.png", " 00002.png"))
+    with pytest.raises(AvatarError, match=r"00002\.png"):
+        read_footage(folder)

@@ -115,3 +115,25 @@ def test_modes_are_orthonormal_and_the_slowest_come_first() -> None:
     np.testing.assert_allclose(modes.T @ modes, np.eye(12), atol=1e-9)
     assert (np.diff(roughness) >= -1e-9).all()
     np.testing.assert_allclose(roughness[:2], 0.0, atol=1e-9)
+
+
+def test_frames_at_uneven_times_are_smoothed_by_their_times() -> None:
+    rng = np.random.default_rng(1)
+    rows = np.sort(rng.choice(np.arange(FRAMES), FRAMES // 2, replace=False))
+    (pose, root_m), true = noisy(), motion()[1][rows]
+    by_time, even = (
+        smoothed_trajectory(pose[rows], root_m[rows], STEADY, times=times)
+        for times in (rows - float(rows[0]), None)
+    )  # fmt: skip
+    error_m = [float(np.sqrt(np.square(each.root_m - true).mean())) for each in (by_time, even)]
+    assert error_m[0] < 0.7 * error_m[1]
+    trusted = trusted_trajectory(pose[rows], root_m[rows], joint_deg=5.0, root_sd_m=0.1, jerk_m=0.01, times=rows * 1.0)
+    # A motion at one speed costs nothing.
+    steady = (rows - rows.mean()) / np.linalg.norm(rows - rows.mean())
+    assert np.abs(steady @ trusted.modes[:, 2:]).max() < 1e-6
+
+
+def test_evenly_spaced_times_change_nothing() -> None:
+    pose, root_m = noisy()
+    without, with_times = (smoothed_trajectory(pose, root_m, STEADY, times=each) for each in (None, np.arange(80.0)))
+    np.testing.assert_allclose(without.root_m, with_times.root_m, atol=1e-12)

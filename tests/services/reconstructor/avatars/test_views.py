@@ -71,6 +71,7 @@ def test_masks_without_one_whole_person_are_refused(own_film: Path) -> None:
     original = {path: cv2.imread(str(path)) for path in footage.masks}
     cases = [
         (lambda mask: 0 * mask, "masks are empty"),
+        (lambda mask: 0 * mask + 255, r"12 of 12 masks are white all over, 00000\.png among them: they show the whole"),
         (two, "show two people"),
         (lambda mask: np.roll(mask, 40, axis=0) * (np.arange(96) >= 30)[:, None, None], "without feet"),
         (lambda mask: mask[:80], "its image 96x96 px"),
@@ -87,6 +88,13 @@ def test_single_empty_mask_is_named(own_film: Path) -> None:
     footage = read_footage(own_film)
     cv2.imwrite(str(footage.masks[4]), np.zeros((96, 96, 3), np.uint8))
     with pytest.raises(AvatarError, match=r"00004\.png shows no one"):
+        read_person(footage, 512)
+
+
+def test_single_white_mask_is_named(own_film: Path) -> None:
+    footage = read_footage(own_film)
+    cv2.imwrite(str(footage.masks[4]), np.full((96, 96, 3), 255, np.uint8))
+    with pytest.raises(AvatarError, match=r"1 of 12 masks are white all over, 00004\.png among them"):
         read_person(footage, 512)
 
 

@@ -78,7 +78,16 @@ def test_missing_wrong_and_broken_masks_are_one_line_each(tmp_path: Path, images
             mask_files(folder)
 
 
-def test_masks_that_hide_nearly_all_are_doubted(tmp_path: Path, images: Path) -> None:
+def test_masks_that_hide_nearly_all_are_refused(tmp_path: Path, images: Path) -> None:
+    for name in ("a.jpg.png", "b.jpg.png"):
+        mask = np.zeros((60, 80), np.uint8)
+        mask[:5] = 255
+        image(tmp_path / "m" / name, mask)
+    with pytest.raises(SceneError, match="hides 92 % of the images in the mean: too little is left"):
+        prepare_masks(tmp_path / "m", images, ["a.jpg", "b.jpg"], {}, tmp_path / "out")
+
+
+def test_masks_that_hide_most_are_doubted(tmp_path: Path, images: Path) -> None:
     for name in ("a.jpg.png", "b.jpg.png"):
         mask = np.zeros((60, 80), np.uint8)
         mask[:20] = 255

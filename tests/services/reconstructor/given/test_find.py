@@ -142,3 +142,14 @@ def test_files_whose_names_repeat_are_named_from_the_folder_of_the_capture_on(tm
         "images/left/0.png": "left/0.jpg", "images/right/0.png": "right/0.jpg", "1.png": "left/1.jpg",
         "2.png": "right/2.jpg",
     }  # fmt: skip
+
+
+def test_image_with_two_poses_is_named(tmp_path: Path) -> None:
+    capture = transforms(tmp_path / "t")
+    frames = [*FRAMES[:3], {**FRAMES[3], "file_path": f"images/../{FRAMES[0]['file_path']}"}]
+    written(capture, {**LENS, "frames": frames})
+    given = read_capture(capture)
+    assert given is not None
+    with pytest.raises(SceneError, match=r"transforms\.json has 1 images twice or more, 0\.png among them"):
+        prepare_capture(given, tmp_path / "out", FramesConfig())
+    assert not (tmp_path / "out").exists()

@@ -11,6 +11,7 @@ import pytest
 from readygo.common.arrays import Float32Array
 from readygo.common.camera.captured import CapturedViews
 from readygo.common.drawing.files import quantise, write_png
+from readygo.common.errors import RunError
 from readygo.services.reconstructor.training import transients
 from readygo.services.reconstructor.training.config import DensityConfig, GaussiansConfig, preset
 from readygo.services.reconstructor.training.drawing import draw, leaves_of, planes_of
@@ -295,6 +296,21 @@ def test_interrupted_search_of_other_photos_leaves_nothing_behind(walked: Posed,
     assert len(fits.asked) == 16, "masks may be those of another search"
 
 
+@pytest.mark.parametrize("times", [1, 2])
+def test_photos_of_mostly_what_moves_are_refused_also_by_an_earlier_search(
+    walked: Posed, tmp_path: Path, times: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fits = Fits()
+    find_transients(walked, tmp_path / "out", preset("draft"), "one", fits, silent)
+    monkeypatch.setattr(transients, "SHARE_MAX", 0.001)
+    for _ in range(times):
+        with pytest.raises(
+            RunError, match=r"% of the pixels look as if something moved there: too little of the place"
+        ):
+            find_transients(walked, tmp_path / "out", preset("draft"), "two" if times == 2 else "one", fits, silent)
+    assert len(fits.asked) == 8 * times
+
+
 def test_nothing_that_moves_is_nothing_to_note(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tests.services.reconstructor.training.test_transients.MOVED", {})
     posed = write_photos(tmp_path / "photos", VIEWS)
@@ -318,6 +334,7 @@ def test_training_ignores_what_moved_unless_masks_are_given(
 ) -> None:
     monkeypatch.setattr(transients, "_PHOTOS_MIN", 6)
     # Predictions after so few steps differ everywhere, and are as wrong in other photos.
+    monkeypatch.setattr(transients, "SHARE_MAX", 1.0)
     monkeypatch.setattr(transients, "_STRONG", 0.1)
     monkeypatch.setattr(transients, "_WEAK", 0.05)
     settings = GaussiansConfig(steps=12, hold_out=5, sh_degree=1, transients=True, density=DensityConfig(count_max=200))
