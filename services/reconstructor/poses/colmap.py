@@ -280,7 +280,7 @@ def build_maps(
         options.random_seed, options.num_threads = config.seed, config.threads or -1
         for name, value in lens_to_refine(config).items():
             setattr(options.mapper.bundle_adjustment, name, value)
-        # The stages before the bundle adjustment have this one of their own.
+        # For the stages before the bundle adjustment.
         options.mapper.refine_sensor_from_rig = False
         found = colmap.global_mapping(database, images, folder, options)
     else:
