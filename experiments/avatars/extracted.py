@@ -37,7 +37,7 @@ def measured(truth: Avatar, film: Path, extracted: Avatar, poses: Path) -> tuple
     """Errors of an extraction, and pictures: a row per motion of true and extracted people in turn."""
     true, found = np.load(film / TRUTH_ARRAYS), np.load(poses)
     errors_m = np.linalg.norm(found["joints_m"] - true["joints_m"], axis=2)
-    held = list(split_views(len(errors_m), AvatarFitConfig().hold_out)[1])
+    held = list(split_views(range(len(errors_m)), AvatarFitConfig().hold_out)[1])
     facts = json.loads((film / TRUTH_FILE).read_text(encoding="utf-8"))
     width, height = facts["size_px"]
     framing = Framing(height_px=height, width_px=width, focal_px=facts["focal_px"])

@@ -71,7 +71,7 @@ def static_scores(posed: Posed, training: Path) -> dict[str, Any]:
     """PSNR and SSIM of the held-out images where their masks count."""
     report = read_json(training / REPORT_FILE)
     settings = report["settings"]
-    held = split_views(len(posed.views), settings["hold_out"])[1]
+    held = split_views(posed.moments, settings["hold_out"])[1]
     gaussians = Gaussians.of_cloud(read_gaussians(training / CLOUD_FILE))
     scores = measure(gaussians, PhotoStore(posed, held, settings["side_max_px"], 1), settings["sh_degree"])
     means = {

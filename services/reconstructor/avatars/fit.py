@@ -126,7 +126,7 @@ class PersonFit:
         self.rig = Rig(body, trajectory, config.prior.weight, likely)
         self.likely_joints_m = self.rig.shaped_joints()[0]
         """Joints in the T-pose that it begins with [m], shape (24, 3)."""
-        self.train, self.held = split_views(len(person), config.hold_out)
+        self.train, self.held = split_views(range(len(person)), config.hold_out)
         self.loss = float("nan")
         self._adam = Adam(config.steps, 1)
         self._seen = Sightings.none(len(self))

@@ -77,6 +77,16 @@ def image_names(model: Path) -> list[str]:
     return [image.name for image in posed_images(open_model(model))]
 
 
+def moment_numbers(model: Path) -> Int64Array:
+    """Number of the moment that each image with a pose shows, counted in their order, shape (V,).
+
+    Views of one 360-degree image, and other images of a rig's frame, show one moment. All other images have one each.
+    """
+    numbers: dict[int, int] = {}
+    frames = (image.frame_id for image in posed_images(open_model(model)))
+    return np.array([numbers.setdefault(frame, len(numbers)) for frame in frames], dtype=np.int64)
+
+
 def posed_images(rec: Any) -> list[Any]:
     """The images of a model that have a pose, in the order of `image_order`."""
     return sorted((rec.images[number] for number in rec.reg_image_ids()), key=lambda image: image_order(image.name))
@@ -270,6 +280,8 @@ def build_maps(
         options.random_seed, options.num_threads = config.seed, config.threads or -1
         for name, value in lens_to_refine(config).items():
             setattr(options.mapper.bundle_adjustment, name, value)
+        # For the stages before the bundle adjustment.
+        options.mapper.refine_sensor_from_rig = False
         found = colmap.global_mapping(database, images, folder, options)
     else:
         options = colmap.IncrementalPipelineOptions()

@@ -6,10 +6,9 @@ points best. Where images agree on a place, it is one to begin at.
 """
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
-from readygo.common.arrays import Float64Array, UInt8Array
+from readygo.common.arrays import Float64Array, Int64Array, UInt8Array
 from readygo.services.reconstructor.training.photos import Photo, PhotoStore, Posed
 
 SIDE_PX = 64
@@ -18,7 +17,7 @@ _DEPTHS_MAX = 1.4
 """Largest depth of three points relative to their smallest: others lie on different things."""
 _BORDER, _NEAREST = 6, 12
 """Each side of an image has so many points on its border; the nearest points tell their depths."""
-_VIEWS_MIN = 2
+_IMAGES_MIN = 2
 _CELL = 0.02
 """So many images agree where they have places in one cell, so large in median depths of the map's points."""
 
@@ -37,23 +36,29 @@ def points_between(posed: Posed, numbers: tuple[int, ...], count_max: int) -> tu
     photos = PhotoStore(posed, numbers, SIDE_PX, 1)
     shown = [posed.points_m[posed.seen[posed.seen[:, 0] == number, 1]] for number in numbers]
     parts = [_of_photo(photos[number], points_m) for number, points_m in zip(numbers, shown, strict=True)]
-    found, view = np.concatenate(parts), np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+    found, moment = np.concatenate(parts), np.repeat(posed.moments[list(numbers)], [len(part) for part in parts])
     if len(found):
         places_m = posed.views.T_world_camera[list(numbers), :3, 3]
         away_m = [np.linalg.norm(points_m - place_m, axis=1) for points_m, place_m in zip(shown, places_m, strict=True)]
-        found = _agreed_means(found, view, _CELL * float(np.median(np.concatenate(away_m))))
+        found = _agreed_means(found, moment, _CELL * float(np.median(np.concatenate(away_m))))
     found = found[:: len(found) // count_max + 1]
     return found[:, :3], np.rint(255.0 * found[:, 3:]).astype(np.uint8)
 
 
-def _agreed_means(found: Float64Array, view: npt.NDArray[np.intp], cell_m: float) -> Float64Array:
-    """Means of what lies in one cell, of the cells in which enough views have something, shape (n, 6)."""
+def _agreed_means(found: Float64Array, moment: Int64Array, cell_m: float) -> Float64Array:
+    """Means of what lies in one cell, of the cells in which enough images have something, shape (n, 6).
+
+    Args:
+        found: Positions [m] and colours, shape (N, 6).
+        moment: Number of the moment at which each was seen, shape (N,): views of one 360-degree image count once.
+        cell_m: Side of the cells.
+    """
     cells = np.floor(found[:, :3] / cell_m).astype(np.int64)
     _, cell, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     cell = cell.reshape(-1)
-    views = np.bincount(np.unique(np.stack([cell, view]), axis=1)[0])
+    images = np.bincount(np.unique(np.stack([cell, moment]), axis=1)[0])
     means = np.stack([np.bincount(cell, column) / counts for column in found.T], axis=1)
-    return np.asarray(means[views >= _VIEWS_MIN], dtype=np.float64)
+    return np.asarray(means[images >= _IMAGES_MIN], dtype=np.float64)
 
 
 def _of_photo(photo: Photo, points_m: Float64Array) -> Float64Array:

@@ -84,7 +84,8 @@ class GaussiansConfig:
     side_max_px: Annotated[int, Range(low=32)] = 960
     """Larger images are made smaller: longer side [px]."""
     hold_out: Annotated[int, Range(low=0)] = 8
-    """Every so-manieth image is not trained on but measured on, beginning with the first; 0: none."""
+    """Every so-manieth image is not trained on but measured on, beginning with the first; of a 360-degree image all
+    views together. 0: none."""
     sh_degree: Annotated[int, Range(low=0, high=3)] = 3
     """Degree of the spherical harmonics of the colours."""
     seed: int = 0

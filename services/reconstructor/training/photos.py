@@ -41,6 +41,8 @@ class Posed:
     """Colours of the points, shape (P, 3)."""
     seen: Int64Array
     """Sightings of points: rows of the numbers of view and point, shape (M, 2)."""
+    moments: Int64Array
+    """Number of the moment that each view shows, see `colmap.moment_numbers`, shape (V,)."""
     masks: Path | None = None
     """Folder of the images' masks, NAME.png, in which 0 is ignored; None without any."""
 
@@ -63,7 +65,8 @@ class Posed:
         rows = np.full(len(self.views), -1, dtype=np.int64)
         rows[list(numbers)] = np.arange(len(numbers))
         seen = np.stack([rows[self.seen[:, 0]], self.seen[:, 1]], axis=1)
-        return replace(self, views=self.views.select(numbers), seen=seen[seen[:, 0] >= 0])
+        moments = self.moments[list(numbers)]
+        return replace(self, views=self.views.select(numbers), seen=seen[seen[:, 0] >= 0], moments=moments)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -102,6 +105,7 @@ def open_posed(folder: Path, undistorted: Path) -> Posed:
         points_m=found.points,
         points_rgb=found.points_rgb,
         seen=found.seen,
+        moments=colmap.moment_numbers(model),
         masks=masks if masks.is_dir() else None,
     )
     if posed.extent_m <= 0:
@@ -249,7 +253,12 @@ def bytes_of(posed: Posed) -> int:
     return 3 if posed.masks is None else 4
 
 
-def split_views(count: int, hold_out: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Numbers of the views to train on, and of those that are held out: every `hold_out`-th from the first on."""
-    held = tuple(range(0, count, hold_out)) if hold_out else ()
-    return tuple(number for number in range(count) if number not in held), held
+def split_views(moments: Sequence[int] | Int64Array, hold_out: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Numbers of the views to train on, and of those that are held out.
+
+    Args:
+        moments: Number of the moment that each view shows, counted from 0.
+        hold_out: The views of every so-manieth moment are held out, from the first on; 0: none.
+    """
+    held = tuple(number for number, moment in enumerate(moments) if hold_out and moment % hold_out == 0)
+    return tuple(number for number in range(len(moments)) if number not in held), held

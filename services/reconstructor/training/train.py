@@ -154,7 +154,7 @@ class _Training:
     ) -> None:
         self._posed, self._folder, self._settings, self._identity, self._tell = posed, folder, settings, identity, tell
         self._engine = engine
-        self._train, self._held = split_views(len(posed.views), settings.hold_out)
+        self._train, self._held = split_views(posed.moments, settings.hold_out)
         self._schedule = TrainingSchedule(settings, posed.extent_m)
         self._seconds: dict[str, float] = {}
         self._step, self._loss, self._saved_step = 0, math.nan, 0

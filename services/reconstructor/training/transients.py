@@ -68,7 +68,7 @@ _SHARE_MIN = 0.06
 """A smaller share of the pixels is not ignored: places that are hard to draw are taken for as many. In a video of the
 showroom without people 3.9 % are, and to ignore them costs 0.5 dB; with two people who walk through it is 16 %."""
 _PHOTOS_MIN = 8
-"""Fewer photos are not searched."""
+"""Photos of fewer moments are not searched."""
 FOLDER = "transients"
 """Where masks are kept, and their pictures among the previews."""
 SHARE_MAX = 0.5
@@ -120,6 +120,8 @@ class _Prediction:
 
     K_px: Float64Array
     T_world_camera: Float64Array
+    moment: int
+    """Number of the moment that it shows: that of all views of one 360-degree image."""
     depth: Float32Array
     """Along the optical axis, `_FAR` median depths where hardly anything is drawn, shape (H, W)."""
     difference: Float32Array
@@ -147,7 +149,7 @@ def find_transients(
         ReadygoError: If photos cannot be read, or a training fails.
     """
     folder, began_s = out / FOLDER, time.monotonic()
-    if len(posed.views) < _PHOTOS_MIN:
+    if len(np.unique(posed.moments)) < _PHOTOS_MIN:
         return None
     done = _found(folder, identity)
     if done is not None:
@@ -246,16 +248,17 @@ def _predictions(
     small: Posed, photos: PhotoStore, folder: Path, settings: GaussiansConfig, fit: Fit, tell: Tell
 ) -> list[_Prediction]:
     """All photos as those of other folds predict them."""
-    count, found = len(small.views), dict[int, _Prediction]()
+    moments, found = small.moments, dict[int, _Prediction]()
     for fold in range(FOLDS):
-        held = range(fold, count, FOLDS)
-        others = small.select([number for number in range(count) if number not in held])
+        held = moments % FOLDS == fold
+        others = small.select(np.flatnonzero(~held).tolist())
         leaves = leaves_of(fit(others, folder / f"fold_{fold}", settings, tell))
-        found |= {number: _predict(leaves, photos[number], settings.sh_degree) for number in held}
-    return [found[number] for number in range(count)]
+        for number in np.flatnonzero(held).tolist():
+            found[number] = _predict(leaves, photos[number], settings.sh_degree, int(moments[number]))
+    return [found[number] for number in range(len(moments))]
 
 
-def _predict(leaves: Leaves, photo: Photo, sh_degree: int) -> _Prediction:
+def _predict(leaves: Leaves, photo: Photo, sh_degree: int, moment: int) -> _Prediction:
     drawn = draw(leaves, photo, sh_degree)
     difference = np.abs(matched(planes_of(drawn), photo.rgb) - photo.rgb).mean(axis=0)
     depth, alpha = drawn.depth_m.detach().numpy(), drawn.alpha.detach().numpy()
@@ -264,6 +267,7 @@ def _predict(leaves: Leaves, photo: Photo, sh_degree: int) -> _Prediction:
     return _Prediction(
         K_px=photo.K_px,
         T_world_camera=photo.T_world_camera,
+        moment=moment,
         depth=np.where(there, depth, far).astype(np.float32),
         difference=cv2.GaussianBlur(difference.astype(np.float32), (0, 0), _SMOOTH_PX),
     )
@@ -303,10 +307,13 @@ def usual_difference(predictions: Sequence[_Prediction], number: int) -> Float32
 
 
 def _others_of(predictions: Sequence[_Prediction], number: int) -> list[int]:
-    """Other photos that show what a photo shows, spread evenly over all of them."""
-    points = _points(predictions[number], _COARSE_STRIDE)
-    shares = [np.isfinite(_places(other, points)[0]).mean() for other in predictions]
-    showing = [other for other, share in enumerate(shares) if other != number and share >= _SHOWN_MIN]
+    """Photos of other moments that show what a photo shows, spread evenly over all of them."""
+    own = predictions[number]
+    points = _points(own, _COARSE_STRIDE)
+    shares = [
+        0.0 if other.moment == own.moment else np.isfinite(_project(other, points)[0]).mean() for other in predictions
+    ]
+    showing = [other for other, share in enumerate(shares) if share >= _SHOWN_MIN]
     if len(showing) <= _OTHERS:
         return showing
     return [showing[k] for k in np.linspace(0, len(showing) - 1, _OTHERS).round().astype(np.int64)]
@@ -322,7 +329,7 @@ def _points(prediction: _Prediction, stride: int) -> Float64Array:
     return points
 
 
-def _places(prediction: _Prediction, points: Float64Array) -> tuple[Float64Array, Int64Array, Int64Array]:
+def _project(prediction: _Prediction, points: Float64Array) -> tuple[Float64Array, Int64Array, Int64Array]:
     """Depths of points in a photo, inf where it does not show them, and their rows and columns, each of shape (n,)."""
     K, T = prediction.K_px, prediction.T_world_camera
     seen = (points - T[:3, 3]) @ T[:3, :3]
@@ -339,7 +346,7 @@ def _places(prediction: _Prediction, points: Float64Array) -> tuple[Float64Array
 
 def _difference_at(prediction: _Prediction, points: Float64Array) -> Float64Array:
     """Differences of a photo at points of the world, inf where it does not show them, shape (n,)."""
-    depth, rows, columns = _places(prediction, points)
+    depth, rows, columns = _project(prediction, points)
     visible = depth < _BEHIND * prediction.depth[rows, columns]
     return np.where(visible, prediction.difference[rows, columns], np.inf)
 

@@ -1,4 +1,5 @@
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -171,3 +172,17 @@ def test_poses_are_adjusted_of_three_images_on(tmp_path: Path, count: int, adjus
     config = PosesConfig(threads=1)
     model = given_model(tmp_path / "database.db", tmp_path / "images", tmp_path / "m", poses, config, adjust=adjust)
     assert (model is not None) == made
+
+
+def test_global_mapper_keeps_the_rig_in_all_of_its_stages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+
+    def global_mapping(*arguments: Any) -> dict[int, Any]:
+        asked.append(arguments[-1].mapper)
+        return {}
+
+    monkeypatch.setattr(pycolmap, "global_mapping", global_mapping)
+    assert build_maps(tmp_path / "d.db", tmp_path, tmp_path, PosesConfig(mapper="global"), count=240) == []
+    (mapper,) = asked
+    stages = (mapper.get_rotation_averaging(), mapper.get_global_positioning(), mapper.get_bundle_adjustment())
+    assert [stage.refine_sensor_from_rig for stage in stages] == [False] * 3

@@ -27,7 +27,14 @@ def posed_wall(folder: Path, depth_m: Float64Array) -> Posed:
         images=names, sizes_px=np.tile(SIZE_PX, (3, 1)), K_px=np.tile(K_PX, (3, 1, 1)), T_world_camera=poses
     )
     seen = np.array([(view, point) for view in range(3) for point in range(9)])
-    return Posed(views=views, folder=folder, points_m=points, points_rgb=np.zeros((9, 3), np.uint8), seen=seen)
+    return Posed(
+        views=views,
+        folder=folder,
+        points_m=points,
+        points_rgb=np.zeros((9, 3), np.uint8),
+        seen=seen,
+        moments=np.arange(3),
+    )
 
 
 def slanted(x: Float64Array) -> Float64Array:
@@ -58,6 +65,14 @@ def test_nothing_is_added_where_one_view_alone_shows_it_or_none_has_points(tmp_p
     assert not len(points_between(posed, (1,), 10_000)[0])
     bare = replace(posed, seen=np.empty((0, 2), np.int64))
     assert points_between(bare, (0, 1, 2), 10_000)[0].shape == (0, 3)
+
+
+def test_two_views_of_one_360_degree_image_do_not_agree_on_anything(tmp_path: Path) -> None:
+    posed = posed_wall(tmp_path, np.full(9, 2.0))
+    assert len(points_between(posed, (0, 1), 10_000)[0])
+    rig = replace(posed, moments=np.array([0, 0, 1]))
+    assert not len(points_between(rig, (0, 1), 10_000)[0])
+    assert len(points_between(rig, (0, 1, 2), 10_000)[0])
 
 
 def test_planes_go_on_to_the_images_borders(tmp_path: Path) -> None:

@@ -27,6 +27,7 @@ def posed(count: int = 70) -> Posed:
         points_m=np.zeros((1, 3)),
         points_rgb=np.zeros((1, 3), np.uint8),
         seen=np.empty((0, 2), np.int64),
+        moments=np.arange(count),
     )
 
 

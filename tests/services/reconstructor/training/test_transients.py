@@ -35,15 +35,16 @@ SIDE, TOP = 10, 12
 
 
 def prediction(
-    shift_m: float = 0.0, depth_m: float = 2.0, difference: Float32Array | float = 0.0
+    shift_m: float = 0.0, depth_m: float = 2.0, difference: Float32Array | float = 0.0, moment: int = 1
 ) -> transients._Prediction:
-    """A camera that looks at a wall."""
+    """A camera that looks at a wall; that of moment 0 is compared with the others."""
     photo = camera(0)
     T = photo.T_world_camera.copy()
     T[0, 3] = shift_m
     return transients._Prediction(
         K_px=photo.K_px,
         T_world_camera=T,
+        moment=moment,
         depth=np.full(SIZE_PX, depth_m, np.float32),
         difference=np.broadcast_to(np.float32(difference), SIZE_PX).copy(),
     )
@@ -116,7 +117,7 @@ def test_gains_are_limited_and_a_grey_image_has_none() -> None:
 def test_usual_difference_is_the_median_at_the_points_that_a_photo_shows() -> None:
     # 0.2 m at a depth of 2 m are 4.5 px.
     others = [prediction(0.2, difference=value) for value in (0.1, 0.5, 0.3)]
-    usual = usual_difference([prediction(), *others], 0)
+    usual = usual_difference([prediction(moment=0), *others], 0)
     assert usual.shape == SIZE_PX
     np.testing.assert_allclose(usual[:, 6:], 0.3)
     assert np.isinf(usual[:, :4]).all()
@@ -124,18 +125,25 @@ def test_usual_difference_is_the_median_at_the_points_that_a_photo_shows() -> No
 
 def test_points_that_too_few_others_show_have_no_usual_difference() -> None:
     two = [prediction(0.2, difference=0.1)] * 2
-    assert np.isinf(usual_difference([prediction(), *two], 0)).all()
+    assert np.isinf(usual_difference([prediction(moment=0), *two], 0)).all()
     hidden = [prediction(0.2, depth_m=1.0, difference=0.1)] * 5
-    assert np.isinf(usual_difference([prediction(), *hidden], 0)).all()
+    assert np.isinf(usual_difference([prediction(moment=0), *hidden], 0)).all()
     away = prediction(0.2)
     away.T_world_camera[:3, :3] = np.diag([-1.0, 1.0, -1.0])
-    assert np.isinf(usual_difference([prediction(), *[away] * 5], 0)).all()
-    assert np.isinf(usual_difference([prediction()], 0)).all()
+    assert np.isinf(usual_difference([prediction(moment=0), *[away] * 5], 0)).all()
+    assert np.isinf(usual_difference([prediction(moment=0)], 0)).all()
+
+
+def test_other_views_of_one_360_degree_image_do_not_tell_what_is_usual() -> None:
+    siblings = [prediction(difference=0.5, moment=0)] * 5
+    assert np.isinf(usual_difference([prediction(moment=0), *siblings], 0)).all()
+    others = [prediction(difference=0.1, moment=moment) for moment in (1, 2, 3)]
+    np.testing.assert_allclose(usual_difference([prediction(moment=0), *siblings, *others], 0), 0.1)
 
 
 def test_difference_is_that_of_the_place_not_of_the_pixel() -> None:
     edge = square(0.4, slice(0, 36), slice(20, 22))
-    usual = usual_difference([prediction(), *[prediction(0.2, difference=edge)] * 3], 0)
+    usual = usual_difference([prediction(moment=0), *[prediction(0.2, difference=edge)] * 3], 0)
     # A camera that is 4.5 px to the right shows the edge 4.5 px farther left than the photo.
     assert usual[:, 24:26].max() == pytest.approx(0.4)
     assert usual[:, 18:22].max() == 0.0
@@ -144,7 +152,7 @@ def test_difference_is_that_of_the_place_not_of_the_pixel() -> None:
 def test_many_others_are_thinned_evenly(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(transients, "_OTHERS", 3)
     others = [prediction(0.01, difference=0.1 * k) for k in range(7)]
-    usual = usual_difference([prediction(), *others], 0)
+    usual = usual_difference([prediction(moment=0), *others], 0)
     assert usual[:, 8:].max() == pytest.approx(0.3)
 
 
@@ -174,6 +182,7 @@ def write_photos(folder: Path, count: int) -> Posed:
         points_m=gaussians.values["means_m"].astype(np.float64),
         points_rgb=np.full((len(gaussians), 3), 128, np.uint8),
         seen=np.stack([np.arange(count), np.arange(count)], axis=1),
+        moments=np.arange(count),
     )
 
 
@@ -227,6 +236,18 @@ def test_what_moves_is_found_in_two_rounds_of_folds(walked: Posed, tmp_path: Pat
         f"a_{number}.png" for number in MOVED
     ]
     assert sorted(path.name for path in (out / "transients").iterdir()) == ["found.json", "masks"]
+
+
+def test_views_of_one_360_degree_image_are_in_one_fold(walked: Posed, tmp_path: Path) -> None:
+    rig = dataclasses.replace(walked.select([*range(10), *range(10)]), moments=np.tile(np.arange(10), 2))
+    names = tuple(f"view_{view}/{number}.jpg" for view in range(2) for number in range(10))
+    for name in names:
+        write_png(walked.folder / name, np.full((*SIZE_PX, 3), 99, np.uint8))
+    rig = dataclasses.replace(rig, views=dataclasses.replace(rig.views, images=names))
+    fits = Fits()
+    find_transients(rig, tmp_path / "out", preset("draft"), "one", fits, silent)
+    for fold, (images, *_) in enumerate(fits.asked[:4]):
+        assert images == tuple(f"view_{v}/{k}.jpg.png" for v in range(2) for k in range(10) if k % 4 != fold)
 
 
 @pytest.mark.parametrize(("wanted", "taken"), [(0, 0), (3, 1)])
@@ -322,6 +343,8 @@ def test_nothing_that_moves_is_nothing_to_note(tmp_path: Path, monkeypatch: pyte
 def test_few_photos_tell_nothing(tmp_path: Path) -> None:
     posed = write_photos(tmp_path / "photos", 7)
     assert find_transients(posed, tmp_path / "out", preset("draft"), "one", Fits(), silent) is None
+    twice = posed.select([*range(7), *range(7)])
+    assert find_transients(twice, tmp_path / "out", preset("draft"), "one", Fits(), silent) is None
     assert not (tmp_path / "out").exists()
 
 
