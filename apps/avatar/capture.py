@@ -81,6 +81,8 @@ class AvatarCaptureConfig:
     """Standard deviation of visible keypoints along each axis, frame by frame."""
     mask_noise_px: float = 0.0
     """Standard deviation of where the masks' borders are, frame by frame."""
+    scene_hides: bool = True
+    """False draws the person over the scene: by the depths of their centres Gaussians of floors lie over feet."""
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -127,7 +129,7 @@ def capture_avatar(
     cameras = _cameras(avatar, motion, config, rng)
     framing = framing_of(config)
     names = tuple(f"{number:05d}.png" for number in range(config.frames))
-    drawer = PersonDrawer(avatar, framing, scene)
+    drawer = PersonDrawer(avatar, framing, scene, scene_hides=config.scene_hides)
     if scene is not None:
         middle_m = np.array([_MIDDLE_X_M, config.walk_radius_m])
         T_scene_film = place_in(scene, config.walk_radius_m + _ASIDE_M, middle_m, middle_m - (0.0, _DISTANCE_M))
@@ -163,8 +165,10 @@ def capture_avatar(
 class PersonDrawer:
     """Draws an avatar before the studio's room, or in a scene."""
 
-    def __init__(self, avatar: Avatar, framing: Framing, scene: Scene | None = None) -> None:
-        self._avatar, self._framing = avatar, framing
+    def __init__(
+        self, avatar: Avatar, framing: Framing, scene: Scene | None = None, *, scene_hides: bool = True
+    ) -> None:
+        self._avatar, self._framing, self._scene_hides = avatar, framing, scene_hides
         self._in_scene: CpuRasterizer | None = None
         if scene is not None:
             packed = [pack_cloud(cloud) for cloud in (scene.cloud, scene.sky) if cloud is not None]
@@ -188,16 +192,24 @@ class PersonDrawer:
     def draw(self, T_world_camera: Float64Array, motion: Motion, row: int) -> tuple[UInt8Array, BoolArray]:
         """The picture, shape (H, W, 3), and where the person is, shape (H, W)."""
         colours, alpha = self.alone(T_world_camera, motion, row)
-        if self._in_scene is not None:
+        if self._in_scene is not None and self._scene_hides:
             images = self._in_scene.render([self._view(T_world_camera, motion, row)], ("mask",))[0]
             assert images.mask is not None
             # What stands before the person is not in the mask.
             return images.rgb, (alpha > MASK_ALPHA) & (images.mask == 1)
+        if self._in_scene is not None:
+            around = self._in_scene.render([View(T_world_camera=T_world_camera, humans=())])[0].rgb
+            return self._mix(colours, alpha, around.astype(np.float64)), alpha > MASK_ALPHA
         joints = joint_positions(self._avatar, motion)[row]
         feet = np.stack([0.5 * (joints[ankle] + joints[ball]) for ankle, ball in ((7, 10), (8, 11))])
         ground = studio_ground(T_world_camera, self._framing, feet)
-        mixed = colours + (1.0 - alpha[..., None]) * ground
-        return np.clip(np.rint(mixed), 0, 255).astype(np.uint8), alpha > MASK_ALPHA
+        return self._mix(colours, alpha, ground), alpha > MASK_ALPHA
+
+    @staticmethod
+    def _mix(colours: Float64Array, alpha: Float64Array, around: Float64Array) -> UInt8Array:
+        """A person before something, colours (H, W, 3) in 0..255."""
+        mixed = colours + (1.0 - alpha[..., None]) * around
+        return np.clip(np.rint(mixed), 0, 255).astype(np.uint8)
 
     def _view(self, T_world_camera: Float64Array, motion: Motion, row: int) -> View:
         root, pose = motion.root_m[row], motion.pose_axis_angle[row]

@@ -53,6 +53,8 @@ class AvatarCaptureOptions:
     """What the footage holds of the body: poses, or keypoints.npz with the 26 keypoints of Halpe (layout plain)."""
     scene: str | None = None
     """Scene to film in, whose frame cameras and poses then have; a plain room by default."""
+    scene_hides: bool = True
+    """False draws the person over the scene: drawn by depth, Gaussians of a floor lie over feet."""
     seed: int = 0
     """Seed of gait, camera and noise."""
     noise: CaptureNoise = field(default_factory=CaptureNoise)
@@ -74,6 +76,7 @@ def avatar_capture(options: AvatarCaptureOptions) -> None:
         body=options.body,
         keypoint_noise_px=options.noise.keypoint_noise_px,
         mask_noise_px=options.noise.mask_noise_px,
+        scene_hides=options.scene_hides,
         seed=options.seed,
     )
     avatar = load_avatar(file_of_avatar(options.avatar))

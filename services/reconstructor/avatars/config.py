@@ -30,6 +30,8 @@ class PosePriorConfig:
     """The same of the pelvis [m]."""
     weight: Annotated[float, Range(low=0.0)] = 0.001
     """Weight in the loss of the mean squared deviation, in units of the standard deviations."""
+    contacts: Annotated[float, Range(low=0.0)] = 1e-4
+    """Weight in the loss of soles that stand but float or slip, in each frame in order; the floor is found."""
 
     def __post_init__(self) -> None:
         check_ranges(self)
@@ -91,8 +93,13 @@ class AvatarFitConfig:
     """Weight of the difference of opacity and mask."""
     anchor: Annotated[float, Range(low=0.0)] = 1e-3
     """Weight of the Gaussians' squared distance from where they began on the body [1/m2]."""
+    isotropy: Annotated[float, Range(low=0.0)] = 0.0
+    """Weight of each drawn Gaussian's squared logarithm of how many times its longest axis is longer than the middle
+    one."""
     offsets: bool = True
     """True also finds joints that do not lie in the direction of the first body's bones; `direct` only."""
+    joint_scene: bool = True
+    """True also learns the colours and opacities of a given scene, and lets what stands before the person hide it."""
     seed: int = 0
     """Seed of the fit."""
     prior: PosePriorConfig = field(default_factory=PosePriorConfig)

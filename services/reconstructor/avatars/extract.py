@@ -34,13 +34,14 @@ from readygo.services.reconstructor.avatars.hugs import HugsFit
 from readygo.services.reconstructor.avatars.plates import with_plates
 from readygo.services.reconstructor.avatars.rig import BoneLengths, mean_lengths
 from readygo.services.reconstructor.avatars.smpl_body import check_smpl_body, read_smpl_body
+from readygo.services.reconstructor.avatars.surroundings import Surroundings
 from readygo.services.reconstructor.avatars.trajectory import (
     PoseTrajectory,
     smoothed_trajectory,
     trusted_trajectory,
 )
-from readygo.services.reconstructor.avatars.views import PersonView, read_person, view_at
-from readygo.services.reconstructor.differentiable.autograd import rasterize
+from readygo.services.reconstructor.avatars.views import FilmedPerson, PersonView, read_person, view_at
+from readygo.services.reconstructor.differentiable.autograd import Rendered, rasterize
 from readygo.services.reconstructor.stages import Stages, code_digest, identity_of, word_errors
 from readygo.services.reconstructor.training.checkpoint import CHECKPOINT_FILE, load_checkpoint, save_checkpoint
 from readygo.services.reconstructor.training.interruption import interruption
@@ -93,8 +94,9 @@ class Extraction:
     joints_m: Float64Array
     """Joints as they were found, in the film's world [m], shape (F, 24, 3)."""
     report: dict[str, Any]
-    """Numbers: `psnr_db` and `ssim` (means of the held-out frames, None without any), `gaussians`, `height_m`, `body`,
-    `overlap`, `unseen` (share by part of the body), `frames`, `steps`, `seconds`, `notes`, `settings`."""
+    """Numbers: `psnr_db` and `ssim` (means of the held-out frames, None without any), `gaussians`, `dropped` (faint
+    Gaussians and floaters that are left out), `dropped_db` (what that costs at the held-out frames), `height_m`,
+    `body`, `overlap`, `unseen` (share by part of the body), `frames`, `steps`, `seconds`, `notes`, `settings`."""
     checkpoint: dict[str, Any] | None = None
     """Planes and decoders in the layout of HUGS' checkpoints, if it is represented so."""
 
@@ -148,12 +150,17 @@ def extract_avatar(
             measure_frame(avatar, view_at(fit.person, frame, 1), pose[frame], root_m[frame], footage.names[frame])
             for frame in fit.held
         ]
+        whole_db = [_whole_psnr_db(fit, frame) for frame in fit.held]
     finally:
         torch.set_num_threads(threads)
     report = {
         "psnr_db": round(float(np.mean([each.psnr_db for each in held_out])), 3) if held_out else None,
         "ssim": round(float(np.mean([each.ssim for each in held_out])), 4) if held_out else None,
         "gaussians": len(avatar.cloud),
+        "dropped": len(fit) - len(avatar.cloud),
+        "dropped_db": round(float(np.mean(whole_db)) - float(np.mean([each.psnr_db for each in held_out])), 3)
+        if held_out
+        else None,
         "height_m": avatar.height_m,
         "body": fit.body.name,
         "overlap": round(overlap, 3),
@@ -205,10 +212,20 @@ def measure_frame(
         width_px=view.mask.shape[1],
         sh_degree=cloud.sh_degree,
     )
+    return compare_person(image, view, _before_grey(rendered))
+
+
+def _before_grey(rendered: Rendered) -> Float32Array:
+    """A person drawn over black before grey, shape (3, H, W)."""
     assert rendered.rgb is not None
-    colours = rendered.rgb.permute(2, 0, 1).numpy()
-    drawn = np.clip(colours + GREY * rendered.transmittance.numpy(), 0.0, 1.0).astype(np.float32)
-    return compare_person(image, view, drawn)
+    colours, left = rendered.rgb.detach().permute(2, 0, 1).numpy(), rendered.transmittance.detach().numpy()
+    return np.clip(colours + GREY * left, 0.0, 1.0).astype(np.float32)
+
+
+def _whole_psnr_db(fit: PersonFit, frame: int) -> float:
+    """PSNR in the mask of a frame with all Gaussians of the fit."""
+    view = view_at(fit.person, frame, 1)
+    return compare_person("", view, _before_grey(fit.draw(frame, view, alone=True).rendered)).psnr_db
 
 
 def compare_person(image: str, view: PersonView, drawn: Float32Array) -> HeldOutPerson:
@@ -235,9 +252,10 @@ def _begin_fit(
         body, footage, pelvis_m = read_smpl_body(smpl, complete.footage)
         bodies, complete = {body.name: body}, replace(complete, footage=footage)
     person = read_person(complete.footage, config.side_max_px)
+    trajectory, around = _trajectory(complete, config), None
     if scene:
         person = with_plates(person, scene)
-    trajectory = _trajectory(complete, config)
+        around = Surroundings(scene, person, trajectory.root_m, config.steps) if config.joint_scene else None
     pose, root = trajectory.pose_axis_angle, trajectory.root_m
     hugs = config.representation == "hugs"
     if hugs and smpl is not None:
@@ -251,9 +269,18 @@ def _begin_fit(
     notes = check_agreement(body, overlap, person, pose, root)
     person = replace(person, notes=(*person.notes, *notes))
     fit = (
-        HugsFit(body, person, trajectory, config, likely, pelvis_m=pelvis_m, fixed_lengths=smpl is not None)
+        HugsFit(
+            body,
+            person,
+            trajectory,
+            config,
+            likely,
+            pelvis_m=pelvis_m,
+            fixed_lengths=smpl is not None,
+            surroundings=around,
+        )
         if hugs
-        else PersonFit(body, person, trajectory, config, likely)
+        else PersonFit(body, person, trajectory, config, likely, around)
     )
     return fit, complete.footage, overlap
 
@@ -317,6 +344,9 @@ def _identity(footage: Footage, fit: PersonFit) -> str:
     digest.update(fit.likely_joints_m.tobytes())
     for plate in fit.person.plates or ():
         digest.update(plate.tobytes())
+    if fit.surroundings is not None:
+        for learned in fit.surroundings.state().values():
+            digest.update(learned.tobytes())
     digest.update(json.dumps(identity_of([*footage.images, *footage.masks])).encode())
     for array in (footage.K_px, footage.T_world_camera, footage.root_m, footage.pose_axis_angle):
         digest.update(array.tobytes())

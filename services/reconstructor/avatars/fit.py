@@ -10,6 +10,7 @@ from readygo.common.avatars import Avatar
 from readygo.services.reconstructor.avatars.config import AvatarFitConfig
 from readygo.services.reconstructor.avatars.rig import BoneLengths, PosedSkeleton, Rig
 from readygo.services.reconstructor.avatars.skinning import Skinned, skin_gaussians, skin_slopes
+from readygo.services.reconstructor.avatars.surroundings import Surroundings
 from readygo.services.reconstructor.avatars.trajectory import PoseTrajectory
 from readygo.services.reconstructor.avatars.views import FilmedPerson, PersonView, view_at
 from readygo.services.reconstructor.differentiable.autograd import Rendered, rasterize
@@ -45,6 +46,8 @@ RIG_RATES = {
     "pose": (3e-2, 2e-3),
     "root": (3e-2, 2e-3),
 }
+_CONTACT_ROUNDS = 10
+"""How often it is found which soles stand."""
 _KEPT_BYTES = 1 << 30
 """Colours of frames that are kept at the present size; others are cut out each time."""
 _OPACITY_BEGIN, _SCALE_BEGIN = 0.8, 0.75
@@ -111,6 +114,7 @@ class PersonFit:
         trajectory: PoseTrajectory,
         config: AvatarFitConfig,
         likely: BoneLengths | None = None,
+        surroundings: Surroundings | None = None,
     ) -> None:
         """Begin on a body.
 
@@ -120,10 +124,20 @@ class PersonFit:
             trajectory: How the person moved.
             config: How.
             likely: The likeliest lengths of bones; None takes the body's.
+            surroundings: The scene, which is then drawn with the person, and learned.
         """
         self.config, self.person, self.body, self.step = config, person, body, 0
+        self.surroundings = surroundings
         self.bound = BoundGaussians.on_body(body)
-        self.rig = Rig(body, trajectory, config.prior.weight, likely)
+        prior = config.prior
+        self.rig = Rig(
+            body,
+            trajectory,
+            prior.weight,
+            likely,
+            contact_weight=prior.contacts if prior.in_order else 0.0,
+            contacts_every=max(1, config.steps // _CONTACT_ROUNDS),
+        )
         self.likely_joints_m = self.rig.shaped_joints()[0]
         """Joints in the T-pose that it begins with [m], shape (24, 3)."""
         self.train, self.held = split_views(range(len(person)), config.hold_out)
@@ -141,7 +155,8 @@ class PersonFit:
         """All arrays by name, for a checkpoint."""
         bonds = {"joint": self.bound.joint, "weight": self.bound.weight, "anchor": self.bound.anchor_m}
         seen = {"seen_gradient": self._seen.gradient, "seen_views": self._seen.views}
-        return {**self.bound.gaussians.state(), **bonds, **seen, **self.rig.state()}  # type: ignore[dict-item]
+        scene = {} if self.surroundings is None else self.surroundings.state()
+        return {**self.bound.gaussians.state(), **bonds, **seen, **scene, **self.rig.state()}  # type: ignore[dict-item]
 
     def load(self, step: int, state: dict[str, Float32Array]) -> None:
         """Continue at a step with what `state` gave."""
@@ -154,13 +169,15 @@ class PersonFit:
         )
         self._seen = Sightings(state["seen_gradient"], state["seen_views"])
         self.rig.load(state)  # type: ignore[arg-type]
+        if self.surroundings is not None:
+            self.surroundings.load(state)
 
     def one_step(self) -> None:
         """Draw a frame, and change what it has a gradient of; in held-out frames the motion alone."""
         share = self.step / self.config.steps
         frame, view, rng = self._next_view(share)
         drawn = self.draw(frame, view, gradients=True)
-        self._derive(drawn.rendered, view, rng)
+        self._derive(frame, drawn.rendered, view, rng)
         rows, slopes = self._gaussian_slopes(drawn)
         held = frame in self.held
         names = ("pose", "root") if held or share > LENGTHS_UNTIL else tuple(RIG_RATES)
@@ -168,10 +185,11 @@ class PersonFit:
         self.rig.step(drawn.posed, slopes.pop("A"), slopes.pop("B"), rates)
         if not held:
             self._change_gaussians(drawn, view, rows, slopes, share)
+            self._change_scene(frame, drawn)
         self.step += 1
 
-    def draw(self, frame: int, view: PersonView, *, gradients: bool = False) -> Drawn:
-        """Draw a frame's person over black."""
+    def draw(self, frame: int, view: PersonView, *, gradients: bool = False, alone: bool = False) -> Drawn:
+        """Draw a frame's person over black, with the surroundings if they are known, or alone."""
         posed = self.rig.pose(frame)
         A, B, quats = posed.arrays()
         values = self.bound.gaussians.values
@@ -185,9 +203,15 @@ class PersonFit:
             "opacities": self.bound.gaussians.opacities,
             "sh": values["sh"].reshape(len(self), 1, 3),
         }
+        features = None
+        if self.surroundings is not None and not alone:
+            around = self.surroundings.arrays(frame)
+            arrays = {name: np.concatenate([array, around[name]]) for name, array in arrays.items()}
+            features = person_feature(len(self), len(around["means_m"]))
         leaves = {name: torch.from_numpy(array).requires_grad_(gradients) for name, array in arrays.items()}
         rendered = rasterize(
             **leaves,
+            features=features,
             T_world_camera=torch.from_numpy(view.T_world_camera),
             K_px=view.K_px,
             height_px=view.mask.shape[0],
@@ -206,7 +230,8 @@ class PersonFit:
             drawn.rendered.transmittance.backward(torch.zeros_like(drawn.rendered.transmittance))  # type: ignore[no-untyped-call]
             visible = drawn.rendered.visibility
             assert visible.weight is not None
-            seen[visible.index[visible.weight > 0.05].numpy()] = True
+            shown = visible.index[visible.weight > 0.05].numpy()
+            seen[shown[shown < len(self)]] = True
         return seen
 
     def _next_view(self, share: float) -> tuple[int, PersonView, np.random.Generator]:
@@ -223,12 +248,17 @@ class PersonFit:
         return view
 
     def _derive(
-        self, rendered: Rendered, view: PersonView, rng: np.random.Generator, more: torch.Tensor | None = None
+        self,
+        frame: int,
+        rendered: Rendered,
+        view: PersonView,
+        rng: np.random.Generator,
+        more: torch.Tensor | None = None,
     ) -> None:
         """The loss of a frame and what is added to it, and its gradients.
 
-        With a plate the whole photo is compared. Without one the person alone, cut out by the mask, before a
-        background of a random colour.
+        With a plate the whole photo is compared, before it or with the surroundings. Without one the person alone, cut
+        out by the mask, before a background of a random colour.
         """
         assert rendered.rgb is not None
         colour = rng.random(3, dtype=np.float32)[:, None, None]
@@ -240,18 +270,26 @@ class PersonFit:
         if view.plate is None:
             background, photo = colour, view.rgb * view.mask + colour * (1.0 - view.mask)
         else:
-            background, photo = view.plate, view.rgb
+            photo = view.rgb
+            background = view.plate if self.surroundings is None else self.surroundings.background(frame)
         loss, _, slope = self._photometric[size](colours + left * background, photo, SSIM_WEIGHT)
         if view.plate is None:
             slope *= view.inner
-        difference = view.sure * ((1.0 - left) - view.mask)
+        together = rendered.features
+        covered = 1.0 - left if together is None else together.detach()[..., 0].numpy()
+        difference = view.sure * (covered - view.mask)
         weight = np.float32(self.config.mask_weight / difference.size)
-        by_left = (slope * background).sum(axis=0) - weight * np.sign(difference)
+        by_covered, by_left = weight * np.sign(difference), (slope * background).sum(axis=0)
         self.loss = loss + float(weight * np.abs(difference).sum())
+        images, slopes = [rendered.rgb, rendered.transmittance], [slope.transpose(1, 2, 0), by_left]
+        if together is None:
+            slopes[1] = by_left - by_covered
+        else:
+            images, slopes = [*images, together], [*slopes, by_covered[..., None]]
         added = [] if more is None else [more]
-        slopes = [torch.from_numpy(slope).permute(1, 2, 0), torch.from_numpy(np.ascontiguousarray(by_left, np.float32))]
         torch.autograd.backward(  # type: ignore[no-untyped-call]
-            [rendered.rgb, rendered.transmittance, *added], [*slopes, *(None for _ in added)]
+            [*images, *added],
+            [*(torch.from_numpy(np.asarray(each, np.float32)) for each in slopes), *(None for _ in added)],
         )
 
     def _gaussian_slopes(self, drawn: Drawn) -> tuple[Int64Array, dict[str, Float32Array]]:
@@ -262,12 +300,24 @@ class PersonFit:
             nothing = np.zeros((24, 3, 4), np.float32)
             return np.empty(0, np.int64), {"A": nothing, "B": nothing.copy()}
         rows: Int64Array = means._indices()[0].numpy()
-        parts = {name: gradient._values().numpy() for name, gradient in gradients.items() if gradient is not None}
+        # The rows ascend; those of the surroundings come after the person's.
+        rows = rows[: np.searchsorted(rows, len(self))]
+        parts = {
+            name: gradient._values().numpy()[: len(rows)]
+            for name, gradient in gradients.items()
+            if gradient is not None
+        }
         bound, values = self.bound, self.bound.gaussians.values
         slopes = skin_slopes(
             rows, parts["means_m"], parts["quats_wxyz"], values["means_m"], bound.joint, bound.weight,
             drawn.A, drawn.B, drawn.skinned,
         )  # fmt: skip
+        slope_of_needles: Float32Array | float = 0.0
+        if self.config.isotropy > 0.0:
+            shapes = torch.from_numpy(values["log_scales"][rows]).requires_grad_()
+            (self.config.isotropy * needle_loss(shapes)).backward()  # type: ignore[no-untyped-call]
+            assert shapes.grad is not None
+            slope_of_needles = shapes.grad.numpy()
         scales, opacities = drawn.leaves["scales_m"].detach().numpy()[rows], bound.gaussians.opacities[rows]
         pull = np.float32(2.0 * self.config.anchor) * (values["means_m"][rows] - bound.anchor_m[rows])
         return rows, {
@@ -275,7 +325,7 @@ class PersonFit:
             "B": slopes.B,
             "means_m": slopes.means_m + pull,
             "quats_wxyz": slopes.quats_wxyz,
-            "log_scales": parts["scales_m"] * scales,
+            "log_scales": parts["scales_m"] * scales + slope_of_needles,
             "logits": (parts["opacities"] * opacities * (1.0 - opacities))[:, None],
             "sh": parts["sh"].reshape(len(rows), 3),
         }
@@ -288,7 +338,7 @@ class PersonFit:
         visible, (height, width) = drawn.rendered.visibility, view.mask.shape
         assert visible.absolute_gradient_px is not None
         assert visible.weight is not None
-        kept = (visible.weight > 0).numpy()
+        kept = ((visible.weight > 0) & (visible.index < len(self))).numpy()
         moved = visible.absolute_gradient_px.numpy()[kept]
         self._seen.add(visible.index.numpy()[kept], np.hypot(moved[:, 0] * (0.5 * width), moved[:, 1] * (0.5 * height)))
         places = np.full((1, len(self)), -1, dtype=np.int32)
@@ -305,12 +355,35 @@ class PersonFit:
         if changes and _CHANGE_BEGIN < share < _CHANGE_END:
             self._change_density()
 
+    def _change_scene(self, frame: int, drawn: Drawn) -> None:
+        by_opacities, by_sh = (drawn.leaves[name].grad for name in ("opacities", "sh"))
+        if self.surroundings is None or by_opacities is None or by_sh is None:
+            return
+        rows: Int64Array = by_sh._indices()[0].numpy()
+        first = int(np.searchsorted(rows, len(self)))
+        slopes = by_opacities._values().numpy()[first:], by_sh._values().numpy()[first:, 0]
+        self.surroundings.step(frame, rows[first:] - len(self), *slopes)
+
     def _change_density(self) -> None:
         density = DensityConfig(count_max=self.config.gaussians_max)
         rng = np.random.default_rng((self.config.seed, self.step, 1))
         change = changed_density(self.bound.gaussians.values, self._seen, density, _EXTENT_M, rng)
         self.bound = self.bound.apply(change)
         self._seen = Sightings.none(len(self))
+
+
+def needle_loss(log_scales: torch.Tensor) -> torch.Tensor:
+    """Sum of the squared logarithms of the longest axis relative to the middle one, for (N, 3) logarithms of scales.
+
+    Flat Gaussians lie well on a surface; long ones stick out in other poses.
+    """
+    longest, middle = log_scales.topk(2, dim=1).values.unbind(dim=1)
+    return (longest - middle).square().sum()
+
+
+def person_feature(person: int, around: int) -> torch.Tensor:
+    """A feature that is drawn as how much of a pixel shows the person: 1 for the person's Gaussians, 0 for others."""
+    return torch.cat([torch.ones(person, 1), torch.zeros(around, 1)])
 
 
 def fraction_at(share: float) -> int:

@@ -25,8 +25,17 @@ from readygo.common.errors import AvatarError
 from readygo.common.frames import quat_from_matrix
 from readygo.common.frames import quat_multiply as multiply_quats
 from readygo.services.reconstructor.avatars.config import AvatarFitConfig
-from readygo.services.reconstructor.avatars.fit import LENGTHS_UNTIL, RIG_RATES, BoundGaussians, PersonFit, between
+from readygo.services.reconstructor.avatars.fit import (
+    LENGTHS_UNTIL,
+    RIG_RATES,
+    BoundGaussians,
+    PersonFit,
+    between,
+    needle_loss,
+    person_feature,
+)
 from readygo.services.reconstructor.avatars.rig import BoneLengths
+from readygo.services.reconstructor.avatars.surroundings import Surroundings
 from readygo.services.reconstructor.avatars.trajectory import PoseTrajectory
 from readygo.services.reconstructor.avatars.views import FilmedPerson, PersonView
 from readygo.services.reconstructor.differentiable.autograd import Rendered, rasterize
@@ -62,6 +71,7 @@ class HugsFit(PersonFit):
         *,
         pelvis_m: Float64Array,
         fixed_lengths: bool,
+        surroundings: Surroundings | None = None,
     ) -> None:
         """Begin on a body.
 
@@ -73,11 +83,13 @@ class HugsFit(PersonFit):
             likely: The likeliest lengths of bones; None takes the body's.
             pelvis_m: Where SMPL's frame has the body's pelvis in the T-pose [m], shape (3,).
             fixed_lengths: True keeps the body's proportions, as checkpoints have none.
+            surroundings: The scene, which is then drawn with the person, and learned.
 
         Raises:
             AvatarError: If the body is beyond the feature planes.
         """
-        super().__init__(_thin(spread_body(body, pelvis_m), config.hugs_points), person, trajectory, config, likely)
+        thin = _thin(spread_body(body, pelvis_m), config.hugs_points)
+        super().__init__(thin, person, trajectory, config, likely, surroundings)
         self._fixed = fixed_lengths
         values = self.bound.gaussians.values
         if np.abs(values["means_m"]).max() > 1.0:
@@ -104,6 +116,8 @@ class HugsFit(PersonFit):
     def state(self) -> dict[str, Float32Array]:
         """All arrays by name, for a checkpoint of the fit."""
         arrays = dict(self.rig.state())
+        if self.surroundings is not None:
+            arrays |= self.surroundings.state()  # type: ignore[arg-type]
         for name, tensor in _tensors(self.checkpoint).items():
             arrays[name] = tensor.detach().numpy()  # type: ignore[assignment]
             arrays |= {f"{name} {part}": value.numpy() for part, value in self._optimiser.state[tensor].items()}
@@ -113,6 +127,8 @@ class HugsFit(PersonFit):
         """Continue at a step with what `state` gave."""
         self.step = step
         self.rig.load(state)  # type: ignore[arg-type]
+        if self.surroundings is not None:
+            self.surroundings.load(state)
         for name, tensor in _tensors(self.checkpoint).items():
             tensor.data.copy_(torch.from_numpy(state[name]))
             for part, value in self._optimiser.state[tensor].items():
@@ -150,8 +166,15 @@ class HugsFit(PersonFit):
         posed = self.rig.pose(frame)
         A, B = (part.detach().float().requires_grad_() for part in (posed.A, posed.B))
         decoded = decode_human(self.checkpoint)
-        self._derive(self._rasterize(decoded, A, B, view), view, rng, self._pull(decoded))
+        around = self._around(frame)
+        self._derive(frame, self._rasterize(decoded, A, B, view, around), view, rng, self._pull(decoded))
         held = frame in self.held
+        if self.surroundings is not None and not held:
+            by_opacities, by_sh = (around[name].grad for name in ("opacities", "sh"))
+            assert by_opacities is not None
+            assert by_sh is not None
+            rows = np.flatnonzero(by_sh.abs().sum(dim=(1, 2)).numpy())
+            self.surroundings.step(frame, rows, by_opacities.numpy()[rows], by_sh[:, 0].numpy()[rows])
         names = ("pose", "root") if held or self._fixed or share > LENGTHS_UNTIL else ("size", "bones", "pose", "root")
         assert A.grad is not None
         assert B.grad is not None
@@ -160,23 +183,52 @@ class HugsFit(PersonFit):
         return not held
 
     def _pull(self, decoded: dict[str, Tensor]) -> Tensor:
-        """How far skinning is from the body's, and Gaussians from their points."""
+        """How far skinning is from the body's, and Gaussians from their points; and needles."""
         off_m = decoded["means"] - self.checkpoint["xyz"]
         weights = ((decoded["weights"] - self._body_weights) ** 2).mean()
         total: Tensor = _WEIGHTS_PULL * weights + _OFFSET_PULL * (off_m**2).sum(dim=1).mean()
+        if self.config.isotropy > 0.0:
+            shapes = decoded["scales"].abs().clamp(min=_SCALE_MIN_M).log()
+            total = total + self.config.isotropy * needle_loss(shapes)
         return total
 
-    def _rasterize(self, decoded: dict[str, Tensor], A: Tensor, B: Tensor, view: PersonView) -> Rendered:
+    def _around(self, frame: int) -> dict[str, Tensor]:
+        """What a frame shows of the surroundings; empty if they are unknown."""
+        if self.surroundings is None:
+            return {}
+        return {
+            name: torch.from_numpy(array).requires_grad_() for name, array in self.surroundings.arrays(frame).items()
+        }
+
+    def _rasterize(
+        self, decoded: dict[str, Tensor], A: Tensor, B: Tensor, view: PersonView, around: dict[str, Tensor]
+    ) -> Rendered:
         """Draw what is decoded over black, with all 24 weights; the blend's turn has no gradient."""
         shaped, _ = _blend(decoded["weights"], B, decoded["means"])
         means, M = _blend(decoded["weights"], A, shaped)
         q_blend = nearest_quat(M.detach()[:, :, :3])
-        return rasterize(
+        tensors = (
             means,
             quat_multiply(q_blend, nearest_quat(rotations_of_sixes(decoded["sixes"]))),
             decoded["scales"].abs().clamp(min=_SCALE_MIN_M) * self.rig.size,
             decoded["opacities"],
-            decoded["sh"].contiguous(),
+            decoded["sh"][:, :1].contiguous(),
+        )
+        features = None
+        if around:
+            features = person_feature(len(means), len(around["means_m"]))
+            means, quats, scales, opacities, sh = (
+                torch.cat(pair) for pair in zip(tensors, around.values(), strict=True)
+            )
+        else:
+            means, quats, scales, opacities, sh = tensors
+        return rasterize(
+            means,
+            quats,
+            scales,
+            opacities,
+            sh,
+            features,
             T_world_camera=torch.from_numpy(view.T_world_camera),
             K_px=view.K_px,
             height_px=view.mask.shape[0],

@@ -6,8 +6,8 @@ lie on the body, and the pelvis and joints of every frame. The most probable val
     sum_fk c_fk rho(|project(x_fk) - u_fk| / sigma_px) + sum |joint - mean|^2 / sigma^2 + smoothness + floor + lengths
 
 with confidences c and Geman and McClure's rho(r) = r^2 / (1 + r^2 / s^2). The floor holds up the lower foot, and what
-of it is on the ground stays where it is. Sources: Bogo et al., Keep It SMPL, 2016 (keypoints, priors, robust loss);
-Rempe et al., HuMoR, 2021 (contacts with the ground).
+of it is on the ground stays where it is (`contacts`). Source: Bogo et al., Keep It SMPL, 2016 (keypoints, priors,
+robust loss).
 """
 
 import dataclasses
@@ -22,6 +22,18 @@ from readygo.common.avatars import SMPL_PARENTS, Avatar
 from readygo.common.avatars.torch_posing import Skeletons, joint_transforms, rotation_matrices
 from readygo.common.errors import AvatarError
 from readygo.services.reconstructor.avatars.config import AvatarFitConfig, PosePriorConfig
+from readygo.services.reconstructor.avatars.contacts import (
+    LEVEL_FLOOR,
+    SOLE_JOINTS,
+    carry,
+    find_contacts,
+    lift_cost,
+    slip_cost,
+    sole_offsets,
+    standing_share,
+    sunk_cost,
+    unknown_lift_cost,
+)
 from readygo.services.reconstructor.avatars.keypoint_start import HEADINGS, KeypointViews, find_start
 from readygo.services.reconstructor.avatars.keypoints import ANCHOR_HEIGHT_M, ANCHORS, mirror_name
 from readygo.services.reconstructor.avatars.rig import BONE_OF_JOINT, BONE_SIGMA, BONES, SIZE_SIGMA, stretch_joints
@@ -52,16 +64,11 @@ _PRIOR_WEIGHT = 0.1
 """Frames that follow each other hardly tell more of what is usual than one of them."""
 _SHARED_WEIGHT = 0.3
 """Priors of what frames share, for each frame: errors of a model are the same in all of them."""
-_FLOOR_M, _BELOW_M, _PLANTED_M, _SOLE_SIGMA_M = 0.01, 0.02, 0.006, 0.015
-"""Deviations of soles that stand from the floor, of soles below it, of what stands from frame to frame, and of the
-heights of people's ankles and balls above their soles [m]."""
-_SOLES = ((7, -0.04), (8, -0.04), (10, 0.0), (11, 0.0))
-"""Joints above the soles' heels and balls, and how far behind these lie [m]."""
-_CONTACT_HEIGHT_M, _CONTACT_STEP_M = 0.035, 0.03
-"""Soles that are lower, and move less from frame to frame, stand on the floor."""
+_SOLE_SIGMA_M = 0.015
+"""Deviation of the heights of people's ankles and balls above their soles [m]."""
 _DEPTH_MIN_M = 0.1
-_ROBUST, _FLOOR_ROBUST = 4.0, 5.0
-"""Scales of the robust loss in sigmas: what is farther off counts little."""
+_ROBUST = 4.0
+"""Scale of the robust loss in sigmas: what is farther off counts little."""
 _STAGES = ((3.0, 120), (1.0, 120), (1.0, 150))
 """Deviation of keypoints relative to the last, and iterations, of each stage; contacts are found between them."""
 _UNITS = {"place": 0.05, "pose": 0.15, "size": 0.03, "bones": 0.05, "offsets": 0.02, "soles": 0.01}
@@ -162,7 +169,7 @@ class PoseFit:
         self._mirror = torch.tensor(mirror, dtype=torch.float64)
         self._anchor_sigma = torch.tensor([ANCHORS[name].sigma_m for name in own], dtype=torch.float64)[:, None]
         self._tpose_m = torch.tensor(tpose_m)
-        self._soles_m = torch.tensor([(0.0, -tpose_m[joint, 1], back) for joint, back in _SOLES], dtype=torch.float64)
+        self._soles_m = sole_offsets(tpose_m, 0.0)
         self._mean, self._sigma = (torch.tensor(each) for each in pose_prior())
         self._contacts: Tensor | None = None
         count = len(views.keypoints)
@@ -208,9 +215,7 @@ class PoseFit:
     def find_contacts(self) -> None:
         """Soles that stand on the floor from one frame to the next."""
         _, soles, _ = self._pose_body(self.values, self._root(self.values))
-        low = soles[..., 2] < _CONTACT_HEIGHT_M
-        slow = (soles[1:] - soles[:-1]).norm(dim=2) < _CONTACT_STEP_M
-        self._contacts = (low[1:] & low[:-1] & slow).double()
+        self._contacts = find_contacts(soles, LEVEL_FLOOR)
 
     def repair_sides(self) -> None:
         """Exchange left and right of parts of the body in frames where that fits far better."""
@@ -288,9 +293,9 @@ class PoseFit:
         only = torch.zeros(len(root_m), dtype=torch.int64)
         A = joint_transforms(skeleton, only, root_m, values["pose"])
         lift = torch.nn.functional.pad(values["soles"].repeat_interleave(2)[:, None], (1, 1))
-        soles = _carry(A[:, [joint for joint, _ in _SOLES]], size * (self._soles_m + lift))
+        soles = carry(A[:, SOLE_JOINTS], size * (self._soles_m + lift))
         offsets = self._anchors_m + values["offsets"][self._own] * self._mirror
-        return _carry(A[:, self._joints], size * offsets), soles, tpose
+        return carry(A[:, self._joints], size * offsets), soles, tpose
 
     def _project(self, points_m: Tensor) -> Tensor:
         p = (points_m - self._T[:, None, :3, 3]) @ self._T[:, :3, :3]
@@ -325,18 +330,9 @@ class PoseFit:
 
     def _floating(self, soles_m: Tensor) -> Tensor:
         """How far soles are from the floor; the lowest while contacts are not known, those that stand afterwards."""
-        z, pad = soles_m[..., 2], torch.nn.functional.pad
-        cost = (torch.relu(-z) / _BELOW_M).square().sum()
+        heights_m = LEVEL_FLOOR.heights(soles_m)
+        sunk = sunk_cost(heights_m)
         if self._contacts is None:
-            squares = (z.amin(dim=1) / _FLOOR_M).square()
-            return cost + (squares / (1.0 + squares / _FLOOR_ROBUST**2)).sum()
-        standing = 0.5 * (pad(self._contacts, (0, 0, 0, 1)) + pad(self._contacts, (0, 0, 1, 0)))
-        moved = ((soles_m[1:] - soles_m[:-1]) / _PLANTED_M).square().sum(dim=2)
-        moved = moved / (1.0 + moved / _FLOOR_ROBUST**2)
-        return cost + (standing * (z / _FLOOR_M).square()).sum() + (self._contacts * moved).sum()
-
-
-def _carry(A: Tensor, points_m: Tensor) -> Tensor:
-    """Points (K, 3) after transforms (F, K, 3, 4), shape (F, K, 3)."""
-    moved: Tensor = (A[..., :3] @ points_m[..., None])[..., 0] + A[..., 3]
-    return moved
+            return sunk + unknown_lift_cost(heights_m)
+        lifted = lift_cost(heights_m, standing_share(self._contacts))
+        return sunk + lifted + slip_cost(soles_m[1:] - soles_m[:-1], self._contacts)

@@ -35,15 +35,18 @@ def with_plates(person: FilmedPerson, clouds: Sequence[GaussianCloud]) -> Filmed
         AvatarError: If the plates do not look like the photos.
     """
     packed = [pack_cloud(cloud) for cloud in clouds]
-    plates, squares, spread, pixels = [], 0.0, 0.0, 0
+    plates, colours, squares, spread, pixels = [], [], 0.0, 0.0, 0
     for number, rgb in enumerate(person.rgb):
         beside = ~widened(person.mask[number], band_px(person.mask[number]))
-        plate = _fitted(_drawn(person, number, packed), rgb, beside)
+        drawn = _drawn(person, number, packed)
+        gain, offset = _photo_colours(drawn, rgb, beside)
+        plate = np.clip(np.rint(gain * drawn + 255.0 * offset), 0, 255).astype(np.uint8)
         seen = rgb[beside].astype(np.float64)
         squares += float(np.square(plate[beside] - seen).sum())
         spread += float(np.square(seen - seen.mean(axis=0, keepdims=True)).sum()) if len(seen) else 0.0
         pixels += seen.size
         plates.append(plate)
+        colours.append((gain, offset))
     psnr_db = 10.0 * np.log10(255.0**2 / max(squares / max(pixels, 1), 1e-9))
     if psnr_db < PLATE_PSNR_DB and squares > (1.0 - PLATE_SHARE_MIN) * spread:
         raise AvatarError(
@@ -51,7 +54,7 @@ def with_plates(person: FilmedPerson, clouds: Sequence[GaussianCloud]) -> Filmed
             "is it this place, in the frame of the footage's cameras?"
         )
     note = f"where no person is, the scene looks like the photos to {psnr_db:.1f} dB."
-    return replace(person, plates=tuple(plates), notes=(*person.notes, note))
+    return replace(person, plates=tuple(plates), plate_colours=np.array(colours), notes=(*person.notes, note))
 
 
 def _drawn(person: FilmedPerson, number: int, scenes: Sequence[PackedScene]) -> UInt8Array:
@@ -59,14 +62,12 @@ def _drawn(person: FilmedPerson, number: int, scenes: Sequence[PackedScene]) -> 
     return drawer.render([View(T_world_camera=person.T_world_camera[number], humans=())])[0].rgb
 
 
-def _fitted(plate: UInt8Array, photo: UInt8Array, beside: BoolArray) -> UInt8Array:
-    """A plate with the gain and offset of each channel that are best beside the person."""
-    if beside.sum() < _BESIDE_MIN:
-        return plate
-    fitted = np.empty(plate.shape, dtype=np.float64)
-    for channel in range(3):
-        drawn, seen = plate[..., channel].astype(np.float64), photo[..., channel][beside].astype(np.float64)
-        rows: Float64Array = np.stack([drawn[beside], np.ones(len(seen))], axis=1)
-        gain, offset = np.linalg.lstsq(rows, seen, rcond=None)[0].tolist()
-        fitted[..., channel] = gain * drawn + offset
-    return np.clip(np.rint(fitted), 0, 255).astype(np.uint8)
+def _photo_colours(drawn: UInt8Array, photo: UInt8Array, beside: BoolArray) -> tuple[Float64Array, Float64Array]:
+    """Gain and offset, in 0..1, of each channel (3,) that are best beside the person; none where little is beside."""
+    gain, offset = np.ones(3), np.zeros(3)
+    if beside.sum() >= _BESIDE_MIN:
+        for channel in range(3):
+            x, y = (image[..., channel][beside].astype(np.float64) / 255.0 for image in (drawn, photo))
+            rows: Float64Array = np.stack([x, np.ones(len(x))], axis=1)
+            gain[channel], offset[channel] = np.linalg.lstsq(rows, y, rcond=None)[0]
+    return gain, offset

@@ -37,6 +37,19 @@ from readygo.common.avatars.torch_posing import (
 )
 from readygo.common.frames import axis_angle_from_matrix
 from readygo.common.messages import Motion
+from readygo.services.reconstructor.avatars.contacts import (
+    LEVEL_FLOOR,
+    SOLE_JOINTS,
+    Floor,
+    carry,
+    find_contacts,
+    find_floor,
+    lift_cost,
+    settle_floor,
+    slip_cost,
+    sole_offsets,
+    standing_share,
+)
 from readygo.services.reconstructor.avatars.trajectory import PoseTrajectory
 
 Tensor = torch.Tensor
@@ -55,6 +68,10 @@ BONE_SIGMA, SIZE_SIGMA, _OFFSET_SIGMA_M = 0.08, 0.3, 0.02
 _LENGTHS = ("size", "bones", "offsets")
 _LENGTHS_WEIGHT = 4e-3
 """Weight in the loss of the mean squared deviation of lengths: what no image shows stays as it is on the body."""
+_POSE_ROW = 3
+"""Row of poses in the counts of updates."""
+_BALL_SHARE = 0.018
+"""Height of the joints of the balls of the feet over the soles, as a share of stature: 3 cm of 1.7 m."""
 _BETA1, _BETA2 = 0.9, 0.99
 _MIRROR = np.ones((24, 3))
 """What makes bones of the right side those of the left, and of the middle such as have no side, shape (24, 3)."""
@@ -122,7 +139,14 @@ class Rig:
     """Skeleton and poses in training; the state of its optimiser lies with them."""
 
     def __init__(
-        self, body: Avatar, trajectory: PoseTrajectory, prior_weight: float, likely: BoneLengths | None = None
+        self,
+        body: Avatar,
+        trajectory: PoseTrajectory,
+        prior_weight: float,
+        likely: BoneLengths | None = None,
+        *,
+        contact_weight: float = 0.0,
+        contacts_every: int = 1,
     ) -> None:
         """Begin with the likeliest lengths and motion.
 
@@ -131,6 +155,9 @@ class Rig:
             trajectory: How the person moved.
             prior_weight: Weight in the loss of how unlikely the motion is.
             likely: The likeliest lengths; None takes the body's.
+            contact_weight: Weight in the loss of how unlikely it is that soles which stand float or slip, in a frame; 0
+                where frames do not follow each other in time.
+            contacts_every: After so many updates it is found (again) which soles stand; none do before.
         """
         likely = BoneLengths.of_body() if likely is None else likely
         self._likely_bones, self._likely_offsets = torch.tensor(likely.bones), torch.tensor(likely.offsets_m)
@@ -155,12 +182,21 @@ class Rig:
         self._group, self._mirror = torch.tensor(BONE_OF_JOINT), torch.tensor(_MIRROR)
         self._axes, self._stretched = _bone_axes(body.joints_canonical_m.astype(np.float64), BONE_OF_JOINT)
         self._leaves: dict[str, Tensor] = {}
+        self._contact_weight, self._contacts_every = contact_weight, contacts_every
+        tpose = body.joints_tpose_m.astype(np.float64)
+        ball_m = _BALL_SHARE * body.height_m
+        self._soles_m = sole_offsets(tpose, float(tpose[SOLE_JOINTS, 1].min()) - ball_m)
+        self._contacts = torch.zeros(len(self._R0) - 1, len(SOLE_JOINTS), dtype=torch.float64)
+        self._floor = LEVEL_FLOOR
+        self._floating = torch.zeros(())
 
     def state(self) -> dict[str, Float64Array]:
         """All arrays by name, for a checkpoint."""
         parts = {"rig": self.values, "rig1": self.first, "rig2": self.second}
         return {f"{part}_{name}": array for part, arrays in parts.items() for name, array in arrays.items()} | {
-            "rig_updates": self.updates
+            "rig_updates": self.updates,
+            "rig_contacts": self._contacts.numpy(),
+            "rig_floor": np.concatenate([self._floor.up, self._floor.heights_m]),
         }
 
     def load(self, state: dict[str, Float64Array]) -> None:
@@ -169,14 +205,20 @@ class Rig:
             for name in arrays:
                 arrays[name] = state[f"{part}_{name}"]
         self.updates = state["rig_updates"]
+        self._contacts = torch.from_numpy(state["rig_contacts"])
+        self._floor = Floor(up=state["rig_floor"][:3], heights_m=state["rig_floor"][3:])
 
     def pose(self, frame: int) -> PosedSkeleton:
         """The transforms of a frame; `step` then takes derivatives by them."""
+        updates = self.updates[_POSE_ROW]
+        if self._contact_weight > 0.0 and updates > 0 and updates % self._contacts_every == 0:
+            self._find_contacts()
         leaves = {name: torch.tensor(value, requires_grad=True) for name, value in self.values.items()}
         self._leaves = leaves
         skeleton, B = self._shaped(leaves)
-        R, root = self._moved(leaves, frame)
-        A = turned_joints(skeleton, torch.zeros(1, dtype=torch.int64), root[None], R[None])[0]
+        A = self._transforms(leaves, skeleton, [frame])[0]
+        if self._contact_weight > 0.0:
+            self._floating = self._contact_cost(leaves, frame)
         return PosedSkeleton(A=A, B=B)
 
     def step(
@@ -195,7 +237,7 @@ class Rig:
             rates: Learning rates by name; what has none stays.
         """
         leaves = self._leaves
-        loss = self._prior_loss(leaves)
+        loss = self._prior_loss(leaves) + self._contact_weight * self._floating
         torch.autograd.backward(  # type: ignore[no-untyped-call]
             [posed.A, posed.B, loss], [torch.from_numpy(by_A).double(), torch.from_numpy(by_B).double(), None]
         )
@@ -226,21 +268,58 @@ class Rig:
     def poses(self) -> tuple[Float64Array, Float64Array]:
         """Rotations of the joints [rad], shape (F, 24, 3), and pelvises [m], shape (F, 3), as they are found."""
         values = {name: torch.from_numpy(self.values[name]) for name in ("pose", "root")}
-        found = [self._moved(values, frame) for frame in range(len(self._R0))]
-        R, root_m = (torch.stack(part).numpy() for part in zip(*found, strict=True))
-        return axis_angle_from_matrix(R), root_m
+        R, root_m = self._moved(values, list(range(len(self._R0))))
+        return axis_angle_from_matrix(R.numpy()), root_m.numpy()
 
     @property
     def size(self) -> float:
         """Stature relative to the first body."""
         return float(np.exp(self.values["size"][0]))
 
-    def _moved(self, values: dict[str, Tensor], frame: int) -> tuple[Tensor, Tensor]:
-        """Rotations of the joints of a frame, shape (24, 3, 3), and its pelvis [m], shape (3,)."""
-        row = self._modes[frame]
-        turns = torch.einsum("jm,mjc->jc", self._joint_rad * row, values["pose"])
-        root_m = torch.from_numpy(self._root0_m[frame]) + (self._modes_m * row) @ values["root"]
-        return rotation_matrices(turns) @ self._R0[frame], root_m
+    def _moved(self, values: dict[str, Tensor], frames: list[int]) -> tuple[Tensor, Tensor]:
+        """Rotations of the joints of n frames, shape (n, 24, 3, 3), and their pelvises [m], shape (n, 3)."""
+        rows = self._modes[frames]
+        turns = torch.einsum("jm,nm,mjc->njc", self._joint_rad, rows, values["pose"])
+        root_m = torch.from_numpy(self._root0_m[frames]) + (self._modes_m * rows) @ values["root"]
+        return rotation_matrices(turns) @ self._R0[frames], root_m
+
+    def _transforms(self, values: dict[str, Tensor], skeleton: Skeletons, frames: list[int]) -> Tensor:
+        """Transforms of the joints to the world in n frames, shape (n, 24, 3, 4)."""
+        R, root_m = self._moved(values, frames)
+        return turned_joints(skeleton, torch.zeros(len(frames), dtype=torch.int64), root_m, R)
+
+    def _contact_cost(self, values: dict[str, Tensor], frame: int) -> Tensor:
+        """How unlikely the soles of a frame are; moves from and to its neighbours count half, as these are drawn too.
+
+        Lengths have no part in it: shorter legs would slip less.
+        """
+        near = list(range(max(frame - 1, 0), min(frame + 2, len(self._R0))))
+        soles_m = self._soles(
+            {name: value.detach() if name in _LENGTHS else value for name, value in values.items()}, near
+        )
+        standing, contacts = standing_share(self._contacts)[frame], self._contacts[near[0] : near[-1]]
+        lifted = lift_cost(self._floor.heights(soles_m[near.index(frame)]), standing)
+        return lifted + 0.5 * slip_cost(soles_m[1:] - soles_m[:-1], contacts)
+
+    def _soles(self, values: dict[str, Tensor], frames: list[int]) -> Tensor:
+        """Soles in the world in n frames [m], shape (n, 4, 3)."""
+        skeleton, _ = self._shaped(values)
+        A = self._transforms(values, skeleton, frames)
+        R_canonical_tpose = self._skeletons.R_tpose_canonical[0].mT[SOLE_JOINTS]
+        below = torch.exp(values["size"]) * (R_canonical_tpose @ self._soles_m[..., None])[..., 0]
+        return carry(A[:, SOLE_JOINTS], skeleton.canonical_m[0, SOLE_JOINTS] + below)
+
+    def _find_contacts(self) -> None:
+        """Find the floor, and which soles stand on it, in the motion as it is now."""
+        values, frames = {name: torch.from_numpy(value) for name, value in self.values.items()}, range(len(self._R0))
+        soles_m = self._soles(values, list(frames))
+        # The second axis of the pelvis is along the spine: the film's world need not stand upright.
+        R, _ = self._moved(values, list(frames))
+        spine = torch.stack([R[:, 0, 0, 1], -R[:, 0, 2, 1], R[:, 0, 1, 1]], dim=1).mean(dim=0)
+        floor = find_floor(soles_m, (spine / spine.norm()).numpy())
+        if floor is not None:
+            self._contacts = find_contacts(soles_m, floor)
+            self._floor = settle_floor(soles_m, self._contacts, floor)
 
     def _shaped(self, lengths: dict[str, Tensor]) -> tuple[Skeletons, Tensor]:
         s, bones = torch.exp(lengths["size"][0]), self._likely_bones + lengths["bones"]

@@ -95,6 +95,8 @@ class FilmedPerson:
     """Hints for the user."""
     plates: tuple[UInt8Array, ...] | None = None
     """What the frames would show without the person, shape (H, W, 3) each, where the scene is known."""
+    plate_colours: Float64Array | None = None
+    """Gains, and offsets in 0..1, that make the scene's colours those of the photos, shape (F, 2, 3)."""
 
     def __len__(self) -> int:
         return len(self.rgb)

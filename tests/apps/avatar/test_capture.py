@@ -94,6 +94,13 @@ def test_film_in_a_scene_has_the_persons_place_in_each_image(person: Avatar, tmp
     alone = cv2.imread(str(tmp_path / "room" / "segmentations" / "00000.png"))[:, :, 0] > 0
     assert not (mask & ~alone).any()
     assert 0.5 * alone.sum() < mask.sum() <= alone.sum()
+    over = dataclasses.replace(config, scene_hides=False)
+    capture_avatar(person, tmp_path / "over", over, lambda _: None, scene)
+    whole = cv2.imread(str(tmp_path / "over" / "segmentations" / "00000.png"))[:, :, 0] > 0
+    assert whole.sum() > mask.sum(), "floors lie over feet"
+    shown = cv2.imread(str(tmp_path / "over" / "images" / "00000.png")).astype(float)
+    far = cv2.dilate(whole.astype(np.uint8), np.ones((9, 9), np.uint8)) == 0
+    assert np.abs(shown - images[1])[far].max() <= 1.0
     x, y = np.median(there["root_m"][:, :2], axis=0).tolist()
     floor = scene.maps.floor.at(x, y)
     assert there["joints_m"][:, [10, 11], 2].min() == pytest.approx(floor, abs=0.15)

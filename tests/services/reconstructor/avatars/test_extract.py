@@ -91,8 +91,11 @@ def test_held_out_pictures_are_of_the_avatar_that_is_written(
         joint, weight = avatar.lbs_index[kept], avatar.lbs_weight[kept]
         return replace(avatar, cloud=avatar.cloud.select(kept), lbs_index=joint, lbs_weight=weight)
 
+    assert _extract(plain_film, tmp_path / "work", coarse_body).report["dropped_db"] < 1.0
     monkeypatch.setattr(extract, "without_floaters", upper_half)
     made = _extract(plain_film, tmp_path / "work", coarse_body)
+    assert made.report["dropped_db"] > 2.0, "half of the person is left out"
+    assert made.report["dropped"] > 0.3 * made.report["gaussians"]
     view = view_at(read_person(read_footage(plain_film), CONFIG.side_max_px), 6, 1)
     cloud = pose_avatar(made.avatar, made.root_m[6], made.pose_axis_angle[6])
     drawn = rasterize_reference(cloud, view.T_world_camera, view.K_px, *view.mask.shape)

@@ -5,11 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from readygo.common.avatars import Avatar
 from readygo.services.reconstructor.avatars import fit as fit_module
-from readygo.services.reconstructor.avatars.config import AvatarFitConfig
-from readygo.services.reconstructor.avatars.fit import PersonFit, fraction_at
+from readygo.services.reconstructor.avatars.config import AvatarFitConfig, PosePriorConfig
+from readygo.services.reconstructor.avatars.fit import PersonFit, fraction_at, needle_loss
 from readygo.services.reconstructor.avatars.footage import read_footage
 from readygo.services.reconstructor.avatars.views import read_person
 from tests.services.reconstructor.avatars.conftest import trajectory_of
@@ -84,6 +85,35 @@ def test_before_plates_whole_photos_are_compared(plain_film: Path, coarse_body: 
         opacities[plates is None] = fit.bound.gaussians.opacities.mean() / before
     assert opacities[False] < 0.96
     assert opacities[True] > 1.0
+
+
+def test_soles_stand_where_frames_are_in_order(plain_film: Path, coarse_body: Avatar) -> None:
+    footage = read_footage(plain_film)
+    person, weights = read_person(footage, 96), []
+    for prior in (PosePriorConfig(contacts=0.5), PosePriorConfig(contacts=0.5, in_order=False)):
+        fit = PersonFit(coarse_body, person, trajectory_of(footage), replace(CONFIG, prior=prior))
+        weights.append(fit.rig._contact_weight)
+        assert fit.rig._contacts_every == CONFIG.steps // 10
+    assert weights == [0.5, 0.0]
+
+
+def test_needles_become_rounder_if_asked(plain_film: Path, coarse_body: Avatar) -> None:
+    stretch = {}
+    for weight in (0.0, 1e-3):
+        footage = read_footage(plain_film)
+        config = replace(CONFIG, isotropy=weight)
+        fit = PersonFit(coarse_body, read_person(footage, 96), trajectory_of(footage), config)
+        for _ in range(CONFIG.steps):
+            fit.one_step()
+        axes = np.sort(fit.bound.gaussians.values["log_scales"], axis=1)
+        stretch[weight] = float(np.mean(axes[:, 2] - axes[:, 1]))
+    assert stretch[1e-3] < 0.8 * stretch[0.0]
+
+
+def test_derivatives_of_needles_are_those_of_finite_differences() -> None:
+    shapes = torch.tensor(np.random.default_rng(0).normal(-5.0, 1.0, (4, 3)), requires_grad=True)
+    assert torch.autograd.gradcheck(needle_loss, [shapes])
+    assert float(needle_loss(torch.tensor([[0.0, -9.0, np.log(2.0)]]))) == pytest.approx(np.log(2.0) ** 2)
 
 
 def test_images_grow() -> None:

@@ -1,5 +1,6 @@
 """Planes and decoders of HUGS learn a body and a person, and are written as a checkpoint that is imported again."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -61,6 +62,16 @@ def test_decoders_learn_the_body_and_then_frames(neuman_film: Path, coarse_body:
     fit.one_step()
     assert not torch.equal(before, fit.checkpoint["triplane"]["plane_xy"])
     assert not np.array_equal(fit.rig.values["pose"], pose)
+
+
+def test_needles_count_if_asked(neuman_film: Path, coarse_body: Avatar) -> None:
+    losses = []
+    for weight in (0.0, 1e-2):
+        fit = hugs_fit(neuman_film, coarse_body, replace(CONFIG, isotropy=weight))
+        decoded = {name: value.detach() for name, value in decode_human(fit.checkpoint).items()}
+        decoded["scales"][:, 0] *= 3.0
+        losses.append(float(fit._pull(decoded).detach()))
+    assert losses[1] > losses[0] + 1e-2 * len(decoded["scales"])
 
 
 def test_state_comes_back(neuman_film: Path, coarse_body: Avatar) -> None:

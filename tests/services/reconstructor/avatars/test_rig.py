@@ -152,3 +152,50 @@ def test_state_is_restored(rig: Rig, coarse_body: Avatar, trajectory: PoseTrajec
     np.testing.assert_array_equal(other.values["pose"], rig.values["pose"])
     assert other.joints().shape == (FRAMES, 24, 3)
     np.testing.assert_array_equal(other.joints(), rig.joints())
+
+
+def _standing_rig(body: Avatar, weight: float, frames: int = 12) -> Rig:
+    """A person who stands, with a pelvis that is given 6 mm off in each frame."""
+    root = np.tile([0.0, 0.0, 0.9], (frames, 1)) + np.random.default_rng(3).normal(0.0, 0.006, (frames, 3))
+    trajectory = trusted_trajectory(np.zeros((frames, 24, 3)), root, joint_deg=1.0, root_sd_m=0.02)
+    return Rig(body, trajectory, 1e-4, contact_weight=weight, contacts_every=20)
+
+
+def test_soles_that_stand_stay_where_they_are(coarse_body: Avatar) -> None:
+    slips = {}
+    nothing = np.zeros((24, 3, 4), np.float32)
+    for weight in (0.0, 1e-3):
+        rig = _standing_rig(coarse_body, weight)
+        for step in range(400):
+            rig.step(rig.pose(step % 12), nothing, nothing, {"pose": 1e-2, "root": 1e-2})
+        balls = rig.joints()[:, [10, 11]]
+        slips[weight] = float(np.linalg.norm(np.diff(balls, axis=0), axis=2).mean())
+        assert bool(rig.state()["rig_contacts"].any()) == (weight > 0.0)
+        resumed = _standing_rig(coarse_body, weight)
+        resumed.load({name: array.copy() for name, array in rig.state().items()})
+        for each in (rig, resumed):
+            each.step(each.pose(3), nothing, nothing, {"pose": 1e-2, "root": 1e-2})
+        np.testing.assert_array_equal(resumed.joints(), rig.joints())
+    assert slips[1e-3] < 0.5 * slips[0.0]
+
+
+def test_derivatives_of_standing_are_those_of_finite_differences(coarse_body: Avatar) -> None:
+    rig = _standing_rig(coarse_body, 1e-3)
+    rig.updates[:] = 20
+    posed = rig.pose(4)
+    rig._floating.backward()  # type: ignore[no-untyped-call]
+    for name in ("size", "bones", "offsets"):
+        assert rig._leaves[name].grad is None, "shorter legs would slip less"
+    for name, place in (("root", (5, 0)), ("pose", (4, 3, 0))):
+        by_value, sides = rig._leaves[name].grad, []
+        assert by_value is not None
+        for sign in (1.0, -1.0):
+            rig.values[name][place] += sign * 1e-4
+            rig.updates[:] = 21
+            other = rig._leaves
+            rig.pose(4)
+            sides.append(float(rig._floating.detach()))
+            rig._leaves = other
+            rig.values[name][place] -= sign * 1e-4
+        assert float(by_value[place]) == pytest.approx((sides[0] - sides[1]) / 2e-4, rel=1e-3, abs=1e-4), name
+    assert posed.A.shape == (24, 3, 4)
