@@ -40,7 +40,7 @@ from readygo.services.reconstructor.avatars.trajectory import (
     smoothed_trajectory,
     trusted_trajectory,
 )
-from readygo.services.reconstructor.avatars.views import FilmedPerson, PersonView, read_person, view_at
+from readygo.services.reconstructor.avatars.views import PersonView, read_person, view_at
 from readygo.services.reconstructor.differentiable.autograd import Rendered, rasterize
 from readygo.services.reconstructor.stages import Stages, code_digest, identity_of, word_errors
 from readygo.services.reconstructor.training.checkpoint import CHECKPOINT_FILE, load_checkpoint, save_checkpoint
