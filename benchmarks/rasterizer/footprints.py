@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.arrays import BoolArray, Float32Array, Float64Array, Int64Array
-from readygo.common.gaussians import GaussianCloud, sh_basis
+from readygo.common.gaussians import GaussianCloud, rgb_along
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.rasterizer.constants import (
     ALPHA_MAX,
@@ -116,15 +116,13 @@ def pixel_stack(
     shown = before >= TRANSMITTANCE_MIN
     near = near[shown]
     index = prints.index[near]
-    directions = cloud.means_m[index].astype(np.float64) - np.asarray(T_world_camera, dtype=np.float64)[:3, 3]
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    colours = np.einsum("nk,nkc->nc", sh_basis(directions, cloud.sh_degree), cloud.sh[index].astype(np.float64))
+    towards = cloud.means_m[index].astype(np.float64) - np.asarray(T_world_camera, dtype=np.float64)[:3, 3]
     return PixelStack(
         index=index,
         depth_m=prints.shape[near, DEPTH],
         alpha=alpha[shown],
         transmittance=before[shown],
-        rgb=np.maximum(0.5 + colours, 0.0),
+        rgb=rgb_along(cloud.sh[index], towards),
     )
 
 

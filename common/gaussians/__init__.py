@@ -3,7 +3,7 @@
 from readygo.common.gaussians.cloud import GaussianCloud
 from readygo.common.gaussians.files import load_gaussians
 from readygo.common.gaussians.ply import save_ply
-from readygo.common.gaussians.spherical_harmonics import rgb_of_sh, sh_basis, sh_of_rgb
+from readygo.common.gaussians.spherical_harmonics import rgb_along, rgb_of_sh, sh_basis, sh_of_rgb
 from readygo.common.gaussians.transform import R_from_up, concatenate, transform_cloud
 
 __all__ = [
@@ -11,6 +11,7 @@ __all__ = [
     "R_from_up",
     "concatenate",
     "load_gaussians",
+    "rgb_along",
     "rgb_of_sh",
     "save_ply",
     "sh_basis",

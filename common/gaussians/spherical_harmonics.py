@@ -1,5 +1,6 @@
 """Real spherical harmonics in 3DGS order and sign, degrees 0 to 3, and their rotation."""
 
+import math
 from functools import cache
 from typing import Any
 
@@ -42,6 +43,18 @@ def sh_basis(directions: npt.ArrayLike, degree: int) -> Float64Array:
     x, y, z = np.asarray(directions, dtype=np.float64).T
     values = [np.full_like(x, SH_C0), *sh_polynomials(x, y, z)]
     return np.stack(values[: (degree + 1) ** 2], axis=1)
+
+
+def rgb_along(sh: AnyArray, towards: Float64Array) -> Float64Array:
+    """Colours of Gaussians as a camera sees them, at least 0, not clipped above 1, shape (N, 3).
+
+    Args:
+        sh: Coefficients, shape (N, (degree + 1)^2, 3).
+        towards: From the camera to each Gaussian, of any length, shape (N, 3).
+    """
+    basis = sh_basis(towards / np.linalg.norm(towards, axis=1, keepdims=True), math.isqrt(sh.shape[1]) - 1)
+    rgb: Float64Array = np.maximum(0.5 + np.einsum("nk,nkc->nc", basis, sh.astype(np.float64)), 0.0)
+    return rgb
 
 
 def sh_polynomials(x: Any, y: Any, z: Any) -> list[Any]:

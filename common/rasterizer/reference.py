@@ -10,7 +10,7 @@ import numpy.typing as npt
 from readygo.common.arrays import Float32Array, Float64Array, UInt8Array
 from readygo.common.avatars import Avatar, pose_avatar
 from readygo.common.frames import matrix_from_quat
-from readygo.common.gaussians import GaussianCloud, concatenate, sh_basis
+from readygo.common.gaussians import GaussianCloud, concatenate, rgb_along
 from readygo.common.gaussians.irradiance import irradiance
 from readygo.common.gaussians.spherical_harmonics import SH_C0
 from readygo.common.images.images import Images, empty_images
@@ -234,16 +234,12 @@ def _project(
     det = S[:, 0, 0] * S[:, 1, 1] - S[:, 0, 1] ** 2
     opacity = cloud.opacities[index].astype(np.float64)
     reach = 2 * np.log(opacity / ALPHA_MIN)
-    directions = p_WQ - T_world_camera[:3, 3]
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    basis = sh_basis(directions, cloud.sh_degree)
-    rgb = np.maximum(0.5 + np.einsum("nk,nkc->nc", basis, cloud.sh[index].astype(np.float64)), 0.0)
     return _Splats(
         centre_px=np.stack([fx * x / z + cx, fy * y / z + cy], axis=1),
         conic=np.stack([S[:, 1, 1] / det, -S[:, 0, 1] / det, S[:, 0, 0] / det], axis=1),
         half_px=np.sqrt(reach[:, None] * np.stack([S[:, 0, 0], S[:, 1, 1]], axis=1)),
         opacity=opacity,
-        rgb=rgb,
+        rgb=rgb_along(cloud.sh[index], p_WQ - T_world_camera[:3, 3]),
         depth_m=z,
         normal=_normals(p_CQ, R_CW @ R_WQ, cloud.scales_m[index]),
         instance=instance[index],

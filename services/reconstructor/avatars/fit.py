@@ -227,10 +227,7 @@ class PersonFit:
         seen = np.zeros(len(self), dtype=bool)
         for frame in self.train:
             drawn = self.draw(frame, view_at(self.person, frame, 2), gradients=True)
-            drawn.rendered.transmittance.backward(torch.zeros_like(drawn.rendered.transmittance))  # type: ignore[no-untyped-call]
-            visible = drawn.rendered.visibility
-            assert visible.weight is not None
-            shown = visible.index[visible.weight > 0.05].numpy()
+            shown = drawn.rendered.rows_shown(0.05)
             seen[shown[shown < len(self)]] = True
         return seen
 

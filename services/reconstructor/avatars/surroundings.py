@@ -22,8 +22,8 @@ import numpy as np
 import torch
 
 from readygo.common.arrays import Float32Array, Float64Array, Int64Array
-from readygo.common.gaussians import GaussianCloud
-from readygo.common.gaussians.spherical_harmonics import SH_C0, sh_basis, sh_of_rgb
+from readygo.common.gaussians import GaussianCloud, concatenate
+from readygo.common.gaussians.spherical_harmonics import SH_C0, rgb_along, sh_of_rgb
 from readygo.services.reconstructor.avatars.views import FilmedPerson
 from readygo.services.reconstructor.differentiable.autograd import rasterize
 from readygo.services.reconstructor.differentiable.order import spatial_order
@@ -74,8 +74,8 @@ class Surroundings:
             steps: At most so many steps are taken.
         """
         assert person.plate_colours is not None
-        frames, degree = [], max(cloud.sh_degree for cloud in clouds)
-        whole = _joined([cloud.select(spatial_order(cloud.means_m)) for cloud in clouds], degree)
+        frames = []
+        whole = concatenate([cloud.select(spatial_order(cloud.means_m)) for cloud in clouds])
         seen = [_rows_in_view(whole, person, number) for number in range(len(person))]
         kept = np.unique(np.concatenate(seen))
         cloud = whole.select(kept)
@@ -83,7 +83,7 @@ class Surroundings:
             gain, offset = person.plate_colours[number].astype(np.float32)
             own, T = np.searchsorted(kept, rows), person.T_world_camera[number]
             shown, position_m = cloud.select(own), T[:3, 3]
-            rgb = gain * _colours(shown, position_m) + offset
+            rgb = gain * rgb_along(shown.sh, shown.means_m.astype(np.float64) - position_m) + offset
             frames.append(
                 _Frame(
                     rows=own,
@@ -159,16 +159,6 @@ class Surroundings:
         self._adam.step(self.gaussians, [slopes], places, rates, slice(0, len(self)))
 
 
-def _joined(clouds: Sequence[GaussianCloud], degree: int) -> GaussianCloud:
-    """One cloud of all, with harmonics up to a degree."""
-    width = (degree + 1) ** 2
-    sh = [np.pad(cloud.sh, ((0, 0), (0, width - cloud.sh.shape[1]), (0, 0))) for cloud in clouds]
-    names = ("means_m", "quats_wxyz", "scales_m", "opacities")
-    return GaussianCloud(
-        sh=np.concatenate(sh), **{name: np.concatenate([getattr(cloud, name) for cloud in clouds]) for name in names}
-    )
-
-
 def _rows_in_view(cloud: GaussianCloud, person: FilmedPerson, number: int) -> Int64Array:
     """Gaussians that a frame would show without the person, ascending."""
     arrays = (cloud.means_m, cloud.quats_wxyz, cloud.scales_m, cloud.opacities)
@@ -181,11 +171,7 @@ def _rows_in_view(cloud: GaussianCloud, person: FilmedPerson, number: int) -> In
         width_px=width,
         sparse_gradients=True,
     )
-    rendered.transmittance.backward(torch.zeros_like(rendered.transmittance))  # type: ignore[no-untyped-call]
-    visible = rendered.visibility
-    assert visible.weight is not None
-    rows: Int64Array = visible.index[visible.weight > _WEIGHT_MIN_PX].numpy()
-    return rows
+    return rendered.rows_shown(_WEIGHT_MIN_PX)
 
 
 def _farther(cloud: GaussianCloud, T_world_camera: Float64Array, root_m: Float64Array) -> Float32Array:
@@ -196,12 +182,3 @@ def _farther(cloud: GaussianCloud, T_world_camera: Float64Array, root_m: Float64
     factor = max((person_m + _BEYOND_M) / front_m, 1.0)
     farther: Float32Array = np.where(depth_m < front_m, 1.0, factor).astype(np.float32)[:, None]
     return farther
-
-
-def _colours(cloud: GaussianCloud, position_m: Float64Array) -> Float32Array:
-    """Colours of Gaussians from a place, shape (N, 3)."""
-    towards = cloud.means_m.astype(np.float64) - position_m
-    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-    value = np.einsum("nk,nkc->nc", sh_basis(towards, cloud.sh_degree), cloud.sh.astype(np.float64))
-    rgb: Float32Array = np.maximum(0.5 + value, 0.0).astype(np.float32)
-    return rgb

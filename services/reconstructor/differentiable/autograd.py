@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
-from readygo.common.arrays import Float32Array, Float64Array
+from readygo.common.arrays import Float32Array, Float64Array, Int64Array
 from readygo.common.rasterizer.cpu.view import make_view
 from readygo.services.reconstructor.differentiable.frame import Frame, FrameGradients, free_frame, zeros
 from readygo.services.reconstructor.differentiable.memory import DEPTH, PLANES, RED, TRANSMITTANCE, Cloud
@@ -57,6 +57,13 @@ class Rendered:
         alpha = self.alpha
         something = alpha > 0.0
         return torch.where(something, self.depth_sum_m / torch.where(something, alpha, 1.0), torch.inf)
+
+    def rows_shown(self, pixels_min: float) -> Int64Array:
+        """Indices of the Gaussians that cover more than so many pixels, ascending; of an image drawn with gradients."""
+        self.transmittance.backward(torch.zeros_like(self.transmittance))  # type: ignore[no-untyped-call]
+        assert self.visibility.weight is not None
+        rows: Int64Array = self.visibility.index[self.visibility.weight > pixels_min].numpy()
+        return rows
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -159,11 +159,7 @@ def view_gradients(
 def observe(leaves: Leaves, photo: Photo, pixels_min: float = OBSERVED_PX) -> Int64Array:
     """The Gaussians that cover more than so many pixels of a photo."""
     leaves = {name: leaf.detach().requires_grad_() for name, leaf in leaves.items() if name != "sh"}
-    rendered = draw(leaves, photo, 0, gradients=True)
-    rendered.transmittance.backward(torch.zeros_like(rendered.transmittance))  # type: ignore[no-untyped-call]
-    assert rendered.visibility.weight is not None
-    rows: Int64Array = rendered.visibility.index[rendered.visibility.weight > pixels_min].numpy()
-    return rows
+    return draw(leaves, photo, 0, gradients=True).rows_shown(pixels_min)
 
 
 def _planes(leaves: Leaves, photo: Photo) -> torch.Tensor:

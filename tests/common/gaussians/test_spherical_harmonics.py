@@ -1,7 +1,14 @@
 import numpy as np
 import pytest
 
-from readygo.common.gaussians.spherical_harmonics import SH_C0, rgb_of_sh, sh_basis, sh_of_rgb, sh_polynomials
+from readygo.common.gaussians.spherical_harmonics import (
+    SH_C0,
+    rgb_along,
+    rgb_of_sh,
+    sh_basis,
+    sh_of_rgb,
+    sh_polynomials,
+)
 
 
 def sphere(count: int = 4000) -> np.ndarray:
@@ -29,6 +36,17 @@ def test_signs_are_those_of_3dgs() -> None:
     assert minus_y < 0 < plus_z
     assert minus_x < 0
     assert sh_polynomials(x, y, z)[4] == pytest.approx(-np.sqrt(15 / (4 * np.pi)) * y * z)
+
+
+@pytest.mark.parametrize("degree", [0, 1, 2, 3])
+def test_colours_along_directions_of_any_length_are_sums_of_the_basis(degree: int) -> None:
+    directions, rng = sphere(40), np.random.default_rng(degree)
+    sh = rng.normal(0.0, 2.0, (40, (degree + 1) ** 2, 3)).astype(np.float32)
+    rgb = rgb_along(sh, directions * rng.uniform(0.1, 9.0, (40, 1)))
+    sums = 0.5 + (sh_basis(directions, degree)[:, :, None] * sh).sum(axis=1)
+    assert (sums < 0.0).any()
+    assert (sums > 1.0).any()
+    np.testing.assert_allclose(rgb, np.maximum(sums, 0.0), atol=1e-6)
 
 
 def test_colours_and_coefficients_are_inverse() -> None:

@@ -42,6 +42,16 @@ def test_sparse_gradients_hold_the_rows_of_the_dense_ones(case: Callable, loss: 
         assert torch.equal(parameter.grad.to_dense(), dense.parameters[name].grad), name
 
 
+def test_rows_that_are_shown_cover_more_than_some_pixels(case: Callable) -> None:
+    drawn = case(900)
+    rows = rasterize(**drawn.parameters, **drawn.camera).rows_shown(0.5)
+    rendered = rasterize(**drawn.parameters, **drawn.camera)
+    rendered.alpha.sum().backward()
+    visibility = rendered.visibility
+    assert rows.tolist() == visibility.index[visibility.weight > 0.5].tolist()
+    assert 0 < len(rows) < int((visibility.weight > 0).sum())
+
+
 def test_order_in_memory_does_not_matter(case: Callable, loss: Callable) -> None:
     """More than a chunk of Gaussians, in slabs or not."""
     straight, shuffled = case(40_000, scale_m=0.02, seed=8), case(40_000, scale_m=0.02, seed=8)
