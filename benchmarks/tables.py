@@ -131,6 +131,7 @@ def _leaderboard_row(kept: Mapping[str, Any], driver: str, cell: str) -> list[st
         *(_cell(scores[measure], factor) for measure, factor in IN_PAPER_CELL.values()),
         f"{100.0 * sum(rates) / len(rates):.0f}",
         *input_cells(inputs),
+        # A driver is one policy; the files have no rows of several.
         "1" if inputs.learns else "",
         str(kept["episodes"]),
     ]
