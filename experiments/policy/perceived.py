@@ -4,7 +4,7 @@
 
 DATA is a data folder of the robot that perception was trained for, recorded with people or in a scene that it does not
 know; PERCEPTION is a folder of `readygo train --recipe perception`. Prints one line of JSON for each, on the same
-images: the measures of `PerceptionMetrics`.
+images: the measures of `PerceptionMetrics`, and under `tracks` those of `TrackMeasures`, on all images.
 """
 
 import argparse
@@ -17,30 +17,31 @@ from typing import Any
 import numpy as np
 import safetensors.torch
 
+from experiments.policy.tracks import measure_tracks
 from readygo.common.dataset import Dataset
 from readygo.common.errors import PolicyError
 from readygo.common.perception.artifact import WEIGHTS_FILE, PerceptionSpec, load_perception_spec
+from readygo.common.scenes import Scene
 from readygo.runs.perception import scene_of
 from readygo.services.trainer.config import PERCEPTION_WIDTHS
 from readygo.services.trainer.perception.looks import Looks, looks_of
 from readygo.services.trainer.perception.network import PerceptionNet
-from readygo.services.trainer.perception.train import measure
+from readygo.services.trainer.perception.train import measure, perceive
 
 
-def looked_at(data: Path, perceptions: Sequence[Path], scenes: Sequence[str]) -> Looks:
+def looked_at(dataset: Dataset, scene: Scene, perceptions: Sequence[Path]) -> Looks:
     """The images of the data, with labels.
 
     Raises:
         PolicyError: If a network was trained for another camera than the data's, or for other frames.
     """
-    dataset, specs = Dataset(data), [load_perception_spec(folder) for folder in perceptions]
+    specs = [load_perception_spec(folder) for folder in perceptions]
     for folder, spec in zip(perceptions, specs, strict=True):
         if dataset.robot is None or spec.robot.camera != dataset.robot.camera:
-            raise PolicyError(f"{folder} is of another camera than {data}.")
+            raise PolicyError(f"{folder} is of another camera than the data.")
         if spec.spacing_s != specs[0].spacing_s:
             raise PolicyError(f"{folder} sees frames that are {spec.spacing_s:g} s apart, unlike {perceptions[0]}.")
-    maps = scene_of(data, dataset, scenes).maps
-    return looks_of(dataset, specs[0].robot.camera, maps.robot, maps.sight, specs[0].spacing_s)
+    return looks_of(dataset, specs[0].robot.camera, scene.maps.robot, scene.maps.sight, specs[0].spacing_s)
 
 
 def network_of(folder: Path, spec: PerceptionSpec) -> PerceptionNet:
@@ -65,6 +66,13 @@ def measures(folder: Path, looks: Looks, images: int) -> dict[str, Any]:
     return dataclasses.asdict(measure(net, looks, rows, spec))
 
 
+def track_measures(folder: Path, looks: Looks, dataset: Dataset, scene: Scene) -> dict[str, Any]:
+    """Measures of the tracks that follow from what one network tells of all images."""
+    spec = load_perception_spec(folder)
+    answers, _ = perceive(network_of(folder, spec), looks, np.arange(len(looks)), spec)
+    return dataclasses.asdict(measure_tracks(answers, looks, dataset, spec.robot, scene.maps))
+
+
 def main() -> None:
     """Print the measures of every network."""
     parser = argparse.ArgumentParser(description="Perception of data that it did not learn from")
@@ -73,9 +81,13 @@ def main() -> None:
     parser.add_argument("--scene", action="append", default=[])
     parser.add_argument("--images", type=int, default=4000)
     given = parser.parse_args()
-    looks = looked_at(given.data, given.perceptions, given.scene)
+    dataset = Dataset(given.data)
+    scene = scene_of(given.data, dataset, given.scene)
+    looks = looked_at(dataset, scene, given.perceptions)
     for folder in given.perceptions:
-        print(json.dumps({"perception": str(folder), **measures(folder, looks, given.images)}), flush=True)
+        tracks = track_measures(folder, looks, dataset, scene)
+        found = {"perception": str(folder), **measures(folder, looks, given.images), "tracks": tracks}
+        print(json.dumps(found), flush=True)
 
 
 if __name__ == "__main__":

@@ -82,8 +82,8 @@ def measure_perception(
         distance=_median(np.abs(ours[:, DISTANCE] / true[:, 1] - 1.0)),
         missed=missed / max(near, 1),
         false_per_image=false / max(len(maps), 1),
-        along_r2=_r2(ours[:, ALONG], true[:, 2]),
-        across_r2=_r2(ours[:, ACROSS], true[:, 3]),
+        along_r2=r2(ours[:, ALONG], true[:, 2]),
+        across_r2=r2(ours[:, ACROSS], true[:, 3]),
         along_mae_mps=_mean(np.abs(ours[:, ALONG] - true[:, 2])),
         across_mae_mps=_mean(np.abs(ours[:, ACROSS] - true[:, 3])),
         rays=_median(np.abs(free_m / np.maximum(rays_m, 0.05) - 1.0)),
@@ -153,7 +153,8 @@ def _mean(values: Float64Array) -> float:
     return float(np.mean(values)) if values.size else math.nan
 
 
-def _r2(told: Float64Array, true: Float64Array) -> float:
+def r2(told: Float64Array, true: Float64Array) -> float:
+    """Share of the variance of `true` that `told` explains, shapes (N,); NaN where there is none."""
     if len(true) < 2 or np.var(true) == 0:
         return math.nan
     return float(1.0 - np.mean((told - true) ** 2) / np.var(true))
