@@ -9,7 +9,7 @@
 """
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -53,8 +53,6 @@ from readygo.services.reconstructor.frames.names import times_of_names
 from readygo.services.reconstructor.stages import Stages, code_digest, identity_of
 
 MASKS_STAGE, KEYPOINTS_STAGE, POSES_STAGE = "masks", "keypoints", "poses"
-_UNEVEN_STEP, _UNEVEN_SHARE = 0.5, 0.1
-"""Steps between frames that are farther off the usual one, and the share of them that is noted."""
 STAGE_FOLDERS = (VIDEO_STAGE, MASKS_STAGE, KEYPOINTS_STAGE, POSES_STAGE)
 
 
@@ -106,20 +104,8 @@ def complete_footage(
     views = read_views(folder)
     keypoints, notes = _keypoints(folder, masks, views, stages, networks.keypoints)
     found = _find_poses(keypoints, views, stages, bodies, config)
-    notes += _uneven_notes(views.images)
     footage = read_footage(folder, masks=masks, poses=stages.folder / POSES_STAGE / POSES_FILE)
     return CompleteFootage(footage=footage, poses_found=True, notes=(*hints, *notes, *found["notes"]))
-
-
-def _uneven_notes(names: Sequence[str]) -> list[str]:
-    steps = np.diff(times_of_names(names))
-    uneven = float(np.mean(np.abs(steps - 1.0) > _UNEVEN_STEP))
-    if uneven <= _UNEVEN_SHARE:
-        return []
-    return [
-        f"by their names {uneven:.0%} of the frames are not evenly spaced in time, and keypoints are fitted as if they "
-        "were: take frames at one rate."
-    ]
 
 
 def _can_find_poses(folder: Path, networks: PersonNetworks) -> bool:
@@ -189,8 +175,10 @@ def _find_keypoints(
 def _find_poses(
     keypoints: Keypoints, views: CapturedViews, stages: Stages, bodies: Mapping[str, Avatar], config: AvatarFitConfig
 ) -> dict[str, Any]:
+    times = times_of_names(views.images)
+
     def make(stage: Path) -> Mapping[str, Any]:
-        seen = KeypointViews(keypoints=keypoints, K_px=views.K_px, T_world_camera=views.T_world_camera)
+        seen = KeypointViews(keypoints=keypoints, K_px=views.K_px, T_world_camera=views.T_world_camera, times=times)
         found = fit_poses(seen, [bodies[name] for name in sorted(bodies)], config)
         write_poses(stage / POSES_FILE, found.root_m, found.pose_axis_angle)
         return {"miss_px": round(found.miss_px, 2), "notes": list(found.notes)}
@@ -198,7 +186,7 @@ def _find_poses(
     digest = hashlib.sha256()
     for name in sorted(bodies):
         digest.update(bodies[name].joints_tpose_m.tobytes())
-    for array in (keypoints.uv_px, keypoints.confidence, views.K_px, views.T_world_camera):
+    for array in (keypoints.uv_px, keypoints.confidence, views.K_px, views.T_world_camera, times):
         digest.update(array.tobytes())
     settings = {
         "input": digest.hexdigest(),

@@ -37,6 +37,7 @@ from readygo.services.reconstructor.avatars.contacts import (
 from readygo.services.reconstructor.avatars.keypoint_start import HEADINGS, KeypointViews, find_start
 from readygo.services.reconstructor.avatars.keypoints import ANCHOR_HEIGHT_M, ANCHORS, mirror_name
 from readygo.services.reconstructor.avatars.rig import BONE_OF_JOINT, BONE_SIGMA, BONES, SIZE_SIGMA, stretch_joints
+from readygo.services.reconstructor.avatars.trajectory import second_differences
 
 Tensor = torch.Tensor
 _PRIOR_DEG = {
@@ -157,6 +158,7 @@ class PoseFit:
         """
         self._views, self._sigma_px, self._smooth = views, sigma_px, prior
         self._K, self._T = torch.tensor(views.K_px), torch.tensor(views.T_world_camera)
+        self._off_middle = torch.tensor(0.5 * second_differences(views.times))
         self._see()
         self._swapped = np.zeros(views.keypoints.seen.shape, dtype=np.bool_)
         names = views.keypoints.names
@@ -323,10 +325,11 @@ class PoseFit:
         return cost + self._unsteadiness(values) + self._floating(soles)
 
     def _unsteadiness(self, values: dict[str, Tensor]) -> Tensor:
-        """How far joints and pelvis are from the middle of the frames before and after."""
+        """How far joints and pelvis are from a steady motion through the frames before and after."""
         R, root, smooth = rotation_matrices(values["pose"]), self._root(values), self._smooth
-        turn: Tensor = (R[1:-1] - 0.5 * (R[:-2] + R[2:])).square().sum() / (2.0 * np.deg2rad(smooth.jerk_deg) ** 2)
-        return turn + ((root[1:-1] - 0.5 * (root[:-2] + root[2:])) / smooth.jerk_m).square().sum()
+        turned, moved = self._off_middle @ R.flatten(1), self._off_middle @ root
+        turn: Tensor = turned.square().sum() / (2.0 * np.deg2rad(smooth.jerk_deg) ** 2)
+        return turn + (moved / smooth.jerk_m).square().sum()
 
     def _floating(self, soles_m: Tensor) -> Tensor:
         """How far soles are from the floor; the lowest while contacts are not known, those that stand afterwards."""

@@ -37,6 +37,8 @@ class KeypointViews:
     """Intrinsics, shape (F, 3, 3)."""
     T_world_camera: Float64Array
     """Shape (F, 4, 4)."""
+    times: Float64Array
+    """When the images were taken, in usual spacings, shape (F,)."""
 
     def sigma_px(self, share: float) -> float:
         """Deviation of keypoints as a share of the height of the person in the image, at least a pixel."""
@@ -78,7 +80,8 @@ def find_start(views: KeypointViews, standing_m: Float64Array, pelvis_height_m: 
     heading, swapped = 2.0 * np.pi * (states % HEADINGS) / HEADINGS, states >= HEADINGS
     turn = np.square(((heading[:, None] - heading + np.pi) % (2.0 * np.pi) - np.pi) / _TURN_RAD)
     stay, leave = _jumps(views.keypoints, sigma_px)
-    change = turn + np.where(swapped[:, None] == swapped, stay[:, None, None], leave[:, None, None] + _CHANGED)
+    turns = turn / np.square(np.diff(views.times))[:, None, None]
+    change = turns + np.where(swapped[:, None] == swapped, stay[:, None, None], leave[:, None, None] + _CHANGED)
     path = cheapest_path(costs, change)
     place = np.concatenate([places for _, places in placed], axis=1)[np.arange(len(path)), path]
     eye = views.T_world_camera[:, :3, 3]

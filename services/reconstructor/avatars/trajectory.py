@@ -125,13 +125,16 @@ def trusted_trajectory(
 
 def _modes(count: int, times: Float64Array | None = None) -> tuple[Float64Array, Float64Array]:
     """Squared second differences of the modes, and the modes in columns, the slowest first."""
-    second = np.diff(np.eye(count), n=2, axis=0) if times is None else _divided_differences(times)
+    second = np.diff(np.eye(count), n=2, axis=0) if times is None else second_differences(times)
     roughness, modes = np.linalg.eigh(second.T @ second)
     return np.maximum(roughness, 0.0), modes
 
 
-def _divided_differences(times: Float64Array) -> Float64Array:
-    """Second differences of frames at times, each for the time that it stands for, shape (F - 2, F)."""
+def second_differences(times: Float64Array) -> Float64Array:
+    """Rows that take the second differences of values at times in usual spacings, each for the time that it stands for.
+
+    Twice the distance from the middle of the values before and after, where times are evenly spaced; shape (F - 2, F).
+    """
     steps = np.diff(times)
     first = np.diff(np.eye(len(times)), axis=0) / steps[:, None]
     span = 0.5 * (steps[1:] + steps[:-1])[:, None]

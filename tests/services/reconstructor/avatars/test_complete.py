@@ -180,10 +180,3 @@ def test_masks_and_keypoints_are_found_of_images_in_folders(
     assert list(found.footage.masks) == [masks / f"{name}.png" for name in found.footage.names]
     assert found.footage.names[:2] == ("view_0/0.png", "view_0/1.png")
     assert read_keypoints(tmp_path / "work" / "keypoints" / KEYPOINTS_FILE, found.footage.names).uv_px.shape[0] == 12
-
-
-def test_frames_at_uneven_times_are_noted() -> None:
-    chosen = [f"{number:06d}.jpg" for number in (0, 3, 10, 11, 14, 17, 30, 33)]
-    (note,) = complete._uneven_notes(chosen)
-    assert note.startswith("by their names 43% of the frames are not evenly spaced in time")
-    assert complete._uneven_notes([f"{number:06d}.jpg" for number in range(0, 60, 3)]) == []

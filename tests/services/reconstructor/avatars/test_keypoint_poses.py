@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from readygo.apps.avatar.capture import AvatarCaptureConfig, capture_avatar
 from readygo.common.avatars import Avatar, joint_positions
@@ -21,6 +22,7 @@ from readygo.services.reconstructor.avatars.keypoint_poses import (
 )
 from readygo.services.reconstructor.avatars.keypoint_start import KeypointViews
 from readygo.services.reconstructor.avatars.keypoints import KEYPOINTS_FILE, read_keypoints
+from readygo.services.reconstructor.frames.names import times_of_names
 
 FRAMES = 30
 CONFIG = AvatarFitConfig()
@@ -40,7 +42,8 @@ def film(tmp_path_factory: pytest.TempPathFactory, coarse_body: Avatar) -> Path:
 def seen(film: Path) -> KeypointViews:
     views = read_views(film)
     keypoints = read_keypoints(film / KEYPOINTS_FILE, views.images)
-    return KeypointViews(keypoints=keypoints, K_px=views.K_px, T_world_camera=views.T_world_camera)
+    times = times_of_names(views.images)
+    return KeypointViews(keypoints=keypoints, K_px=views.K_px, T_world_camera=views.T_world_camera, times=times)
 
 
 @pytest.fixture(scope="module")
@@ -120,3 +123,22 @@ def test_prior_is_mirrored_and_skeletons_have_one_height(coarse_body: Avatar) ->
         coarse_body, height_m=0.5 * coarse_body.height_m, joints_tpose_m=0.5 * coarse_body.joints_tpose_m
     )
     np.testing.assert_allclose(mean_skeleton([small]), mean_skeleton([coarse_body]), rtol=1e-5)
+
+
+def test_steady_walk_is_steady_at_the_times_of_its_images_only(seen: KeypointViews, coarse_body: Avatar) -> None:
+    kept = np.array([0, 1, 2, 3, 6, 8, 9, 10, 14, 15])
+    keypoints = dataclasses.replace(
+        seen.keypoints, uv_px=seen.keypoints.uv_px[kept], confidence=seen.keypoints.confidence[kept]
+    )
+    views = dataclasses.replace(
+        seen, keypoints=keypoints, K_px=seen.K_px[kept], T_world_camera=seen.T_world_camera[kept], times=1.0 * kept
+    )
+    costs = []
+    for times in (views.times, np.arange(len(kept), dtype=np.float64)):
+        at = dataclasses.replace(views, times=times)
+        fit = PoseFit(at, mean_skeleton([coarse_body]), 1.0, CONFIG.prior)
+        walked = torch.tensor(kept[:, None] * np.array([0.05, 0.0, 0.0]))
+        fit.values["place"] = walked - torch.tensor(at.T_world_camera[:, :3, 3])
+        costs.append(float(fit._unsteadiness(fit.values)))
+    assert costs[0] < 1e-12
+    assert costs[1] > 1.0

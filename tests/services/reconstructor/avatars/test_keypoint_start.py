@@ -40,7 +40,8 @@ def _views(scale: float = 1.0) -> tuple[KeypointViews, np.ndarray, np.ndarray]:
     uv = p[..., :2] / p[..., 2:] * K_PX[[0, 1], [0, 1]] + K_PX[:2, 2]
     keypoints = Keypoints(names=COCO17, uv_px=uv, confidence=np.full(uv.shape[:2], 0.9))
     tiled = np.tile(K_PX, (FRAMES, 1, 1)), np.tile(T, (FRAMES, 1, 1))
-    return KeypointViews(keypoints=keypoints, K_px=tiled[0], T_world_camera=tiled[1]), roots, number + 2
+    views = KeypointViews(keypoints=keypoints, K_px=tiled[0], T_world_camera=tiled[1], times=number.astype(np.float64))
+    return views, roots, number + 2
 
 
 @pytest.mark.parametrize("scale", [1.0, 0.8])
@@ -79,3 +80,24 @@ def test_deviation_grows_with_the_person() -> None:
     span = np.ptp(views.keypoints.uv_px[..., 1], axis=1)
     assert views.sigma_px(0.01) == pytest.approx(0.01 * np.median(span))
     assert views.sigma_px(1e-6) == 1.0
+
+
+def test_turn_costs_less_where_more_time_passed() -> None:
+    views, _, headings = _views()
+    # One frame hints weakly at a heading far from those around it.
+    odd = FRAMES // 2
+    keypoints = dataclasses.replace(views.keypoints, uv_px=views.keypoints.uv_px.copy())
+    points = _standing()[(headings[odd] + 9) % HEADINGS]
+    T = views.T_world_camera[odd]
+    p = (points + np.array([0.05 * odd - 0.4, 0.0, HEIGHT_M]) - T[:3, 3]) @ T[:3, :3]
+    keypoints.uv_px[odd] = p[:, :2] / p[:, 2:] * K_PX[[0, 1], [0, 1]] + K_PX[:2, 2]
+    keypoints.confidence[odd] = 0.4
+    off = []
+    for gap in (1.0, 6.0):
+        times = np.arange(FRAMES) + (gap - 1.0) * ((np.arange(FRAMES) >= odd) + 1.0 * (np.arange(FRAMES) > odd))
+        apart = dataclasses.replace(views, keypoints=keypoints, times=times)
+        start = find_start(apart, _standing(), HEIGHT_M, views.sigma_px(0.01))
+        turned = start.heading_rad[odd] - 2.0 * np.pi * headings[odd] / HEADINGS
+        off.append(abs((turned + np.pi) % (2.0 * np.pi) - np.pi))
+    assert off[0] < 0.3
+    assert off[1] > 1.0
