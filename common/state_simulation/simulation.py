@@ -49,6 +49,8 @@ class RewardConfig:
     """At the goal."""
     collision: float = -2.0
     """At a collision with an obstacle or a person."""
+    impact: float = 0.0
+    """Per m/s of the robot's speed at a collision with a person: a robot that stands was walked into."""
     near: float = -0.05
     """At contact with a person; falls to 0 at `near_m`."""
     near_m: float = 0.3
@@ -73,6 +75,7 @@ class RewardNumbers(NamedTuple):
     second: float
     success: float
     collision: float
+    impact: float
     near: float
     near_m: float
     wall: float
@@ -403,6 +406,7 @@ def _earn(
     progress_m: float,
     time_s: float,
     turned: float,
+    speed_mps: float,
     gap_m: float,
     wall_gap_m: float,
 ) -> float:
@@ -416,6 +420,8 @@ def _earn(
         earned += reward.success
     elif outcome in (STATIC_COLLISION, HUMAN_COLLISION):
         earned += reward.collision
+    if outcome == HUMAN_COLLISION:
+        earned += reward.impact * abs(speed_mps)
     return earned
 
 
@@ -451,7 +457,7 @@ def _advance_all(
         progress, robots.remaining_m[n] = robots.remaining_m[n] - remaining, remaining
         time_s, turned = (robots.step[n] - step_before) * world.dt_s, abs(state[4] - turn_before)
         wall_gap = _clearance_m(world, state[0], state[1]) - world.robot.radius_m
-        last.reward[n] = _earn(world, reward, outcome, progress, time_s, turned, gap, wall_gap)
+        last.reward[n] = _earn(world, reward, outcome, progress, time_s, turned, state[3], gap, wall_gap)
         last.ended[n], last.outcome[n] = outcome != RUNNING, outcome
         last.length[n], last.dynamic[n] = robots.step[n], robots.humans[n] > 0
         if outcome != RUNNING and again:

@@ -131,6 +131,25 @@ def test_reward_falls_beside_an_obstacle(drawn: Drawn) -> None:
     assert (lost == 0).any()
 
 
+def test_collision_with_a_person_costs_by_the_speed_of_the_robot(drawn: Drawn) -> None:
+    def drive(impact: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Rewards, outcomes and speeds after the last decision of 64 robots that drive, wait or drive backwards."""
+        config = StateSimulationConfig(reward=RewardConfig(impact=impact), static_share=0.0)
+        fast, earned = make(drawn, 64, config=config), np.zeros(64)
+        fast.begin(np.arange(64) % len(fast.bank), np.ones(64, bool))
+        for step in range(120):
+            moving = np.where(np.arange(64) % 2 == 0, 0.8, 0.8 * (step < 10))
+            earned += fast.advance(np.stack([moving, 0.0 * moving], axis=1), again=False).reward
+        return earned, fast.last.outcome.copy(), fast.state[:, 3].copy()
+
+    earned, outcome, v_mps = drive(-3.0)
+    hit = outcome == HUMAN_COLLISION
+    expected = np.where(hit, -3.0 * np.abs(v_mps), 0.0)
+    assert earned - drive(0.0)[0] == pytest.approx(expected, abs=1e-5)
+    assert (v_mps[hit] > 0.5).any()
+    assert (v_mps[hit] == 0.0).any()
+
+
 def test_robots_that_collided_with_people_try_again(drawn: Drawn) -> None:
     fast = make(drawn, 64, config=StateSimulationConfig(repeats=1.0, static_share=0.0))
     fast.begin_anywhere()
