@@ -13,6 +13,7 @@ Extra = Literal[
     "gpu",
     "reconstruct",
     "export",
+    "record3d",
     "robot-logs",
     "tls",
     "monitor",

@@ -66,7 +66,7 @@ class ScenePosesOptions:
 
     source: Positional[Path]
     """A video, a folder of photos, a folder with a COLMAP model and images/, a transforms.json of nerfstudio, or an
-    export of Polycam or Record3D."""
+    export of Polycam, Record3D or Stray Scanner."""
     out: Path
     """State folder, new or to resume."""
     marker_size_m: float = 0.0
@@ -108,7 +108,7 @@ class ReconstructOptions:
 
     source: Positional[Path]
     """A video, a folder of photos, a folder with a COLMAP model and images/, a transforms.json of nerfstudio, or an
-    export of Polycam or Record3D."""
+    export of Polycam, Record3D or Stray Scanner."""
     out: Path
     """Scene bundle to make; must not exist."""
     marker_size_m: float = 0.0

@@ -1,17 +1,19 @@
-"""A training with losses of surfaces beside the same without: held-out images, depths of floor and walls, cost.
+"""Trainings with and without losses of surfaces or depth images: held-out images, depths of floor and walls, cost.
 
     readygo scene capture SCENE --walk --marker-size-m 0.2 --out out/walk.mp4
     readygo scene poses out/walk.mp4 --marker-size-m 0.2 --out out/lobby
     python -m experiments.reconstruction.surfaces_and_plain out/walk.truth.json out/lobby/posed --out out/both
 
-Both use the preset `draft`. Run the command again to resume: trainings continue from their last state, and finished
-ones stay.
+All use the preset `draft`. With `--depths 0 0.5` one does without the poses' depth images, and one more for each weight
+of `geometry.depth`; all have losses of surfaces then. Run the command again to resume: trainings continue from their
+last state, and finished ones stay.
 Depths are those of the Gaussians' planes from each n-th camera, before anything is cleaned away, against those of the
 filmed scene. Seconds are the trainings' own, by the clock.
 """
 
 import json
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -30,11 +32,14 @@ from readygo.common.gaussians.files import read_gaussians
 from readygo.common.rasterizer.interface import View
 from readygo.common.robot import RobotConfig
 from readygo.common.scenes import Scene, load_scene
+from readygo.services.reconstructor.frames.masks import FOLDER as MASKS
 from readygo.services.reconstructor.poses.colmap import pinhole_views
 from readygo.services.reconstructor.training.config import GaussiansConfig, preset
 from readygo.services.reconstructor.training.progress import TrainingProgress
 from readygo.services.reconstructor.training.train import CLOUD_FILE, train_gaussians
 from readygo.services.renderer import Renderer, RendererConfig
+
+WITHOUT = "without depth"
 
 
 def main(
@@ -46,25 +51,30 @@ def main(
     steps: int = 3000,
     side_px: int = 160,
     every: int = 6,
+    depths: tuple[float, ...] = (),
+    transients: bool = True,
     json_output: Annotated[bool, tyro.conf.arg(name="json")] = False,
 ) -> None:
-    """Train both, and measure.
+    """Train, and measure.
 
     Args:
         truth: NAME.truth.json beside the capture.
         posed: Folder with images/ and sparse/0 of its poses.
-        out: Folder of both trainings; earlier trainings are resumed.
+        out: Folder of the trainings; earlier trainings are resumed.
         steps: Steps of the optimiser.
         side_px: Longer side of the images.
         every: Depths are compared from each n-th camera.
+        depths: Weights of the loss of depth images; empty compares surfaces and plain.
+        transients: False leaves out the search for what moved.
         json_output: Print JSON.
     """
     known = read_truth(truth)
     filmed = load_scene(Path(known.content["scene"]["path"]))
     pairs = camera_pairs(known, posed)[::every]
     rows = []
-    for what, config in settings(steps, side_px).items():
-        report = train_gaussians(posed, out / what, config, _say)
+    for what, config in settings(steps, side_px, depths).items():
+        source = without_depths(posed, out / "posed") if what == WITHOUT else posed
+        report = train_gaussians(source, out / what, replace(config, transients=transients), _say)
         cloud = read_gaussians(out / what / CLOUD_FILE)
         numbers = {name: report[name] for name in ("psnr_db", "ssim", "gaussians", "seconds")}
         rows.append({"what": what, **numbers, **plane_errors(filmed, cloud, pairs)})
@@ -72,10 +82,22 @@ def main(
     print(json.dumps(result) if json_output else "\n".join(map(str, rows)))
 
 
-def settings(steps: int, side_px: int) -> dict[str, GaussiansConfig]:
-    """The two trainings: with surfaces, and without."""
+def settings(steps: int, side_px: int, depths: Sequence[float] = ()) -> dict[str, GaussiansConfig]:
+    """The trainings: with surfaces and without; or without depth images, and with them at some weights."""
     surfaces = replace(preset("draft"), steps=steps, side_max_px=side_px)
+    if depths:
+        weighed = {f"depth {w:g}": replace(surfaces, geometry=replace(surfaces.geometry, depth=w)) for w in depths}
+        return {WITHOUT: surfaces, **weighed}
     return {"surfaces": surfaces, "plain": replace(surfaces, geometry=replace(surfaces.geometry, enabled=False))}
+
+
+def without_depths(posed: Path, folder: Path) -> Path:
+    """A folder that leads to the same images and poses, and has no depth images."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in ("images", "sparse", MASKS):
+        if (posed / name).is_dir() and not (folder / name).exists():
+            (folder / name).symlink_to((posed / name).resolve())
+    return folder
 
 
 def camera_pairs(truth: Truth, posed: Path) -> list[tuple[Float64Array, Float64Array]]:

@@ -19,6 +19,7 @@ from readygo.common.errors import ConfigError, SceneError
 from readygo.services.reconstructor.config import ReconstructorConfig
 from readygo.services.reconstructor.drawing import draw_map
 from readygo.services.reconstructor.frames.config import FramesConfig
+from readygo.services.reconstructor.frames.depths import FOLDER as DEPTHS
 from readygo.services.reconstructor.frames.masks import FOLDER as MASKS
 from readygo.services.reconstructor.frames.masks import mask_files, prepare_masks
 from readygo.services.reconstructor.frames.names import image_order, usable_name
@@ -30,6 +31,7 @@ from readygo.services.reconstructor.frames.panorama import (
 )
 from readygo.services.reconstructor.frames.photos import prepare_photos
 from readygo.services.reconstructor.frames.video import FRAMES_MIN, extract_frames
+from readygo.services.reconstructor.given.depth import absent_modules
 from readygo.services.reconstructor.given.find import prepare_capture, read_capture
 from readygo.services.reconstructor.job import (
     DATABASE_FILE,
@@ -64,6 +66,7 @@ from readygo.services.reconstructor.poses import colmap, undistortion
 from readygo.services.reconstructor.poses.apart import apart
 from readygo.services.reconstructor.poses.config import PosesConfig
 from readygo.services.reconstructor.poses.covariance import pose_errors
+from readygo.services.reconstructor.poses.depths import DepthRatio, check_unit, depth_ratio
 from readygo.services.reconstructor.poses.intrinsics import Intrinsics, fit_to_images, read_intrinsics
 from readygo.services.reconstructor.poses.pairs import image_pairs, view_pairs
 from readygo.services.reconstructor.poses.tags import focal_of_tags, tag_features
@@ -104,7 +107,7 @@ def open_job(source: Path, folder: Path, config: ReconstructorConfig, say: Say) 
     _check_settings(config)
     colmap.pycolmap()
     given = open_source(source)
-    if not scale_is_told(config.metric) and not _measures_scale(given):
+    if not scale_is_told(config.metric) and not _measures_scale(given, depth=config.frames.depth):
         raise ConfigError(NO_SCALE)
     panoramas = config.frames.projection == "equirectangular"
     if config.poses.intrinsics and (given.kind in ("colmap", "capture") or panoramas):
@@ -162,10 +165,12 @@ def _check_settings(config: ReconstructorConfig) -> None:
         parse_length(text)
 
 
-def _measures_scale(given: Source) -> bool:
-    """Whether images come with poses in metres."""
+def _measures_scale(given: Source, *, depth: bool) -> bool:
+    """Whether images come with poses in metres, or with depths, where these are to be used."""
     capture = read_capture(given.path) if given.kind == "capture" else None
-    return capture is not None and capture.metric
+    if capture is None or capture.metric or not (depth and any(capture.depth)):
+        return capture is not None and capture.metric
+    return not absent_modules(capture.depth)
 
 
 def make_frames(source: Source, config: ReconstructorConfig, folder: Path) -> Mapping[str, Any]:
@@ -346,15 +351,21 @@ def make_posed(
     config: ReconstructorConfig,
     folder: Path,
 ) -> Mapping[str, Any]:
-    """Undistorted images and the metric model, a picture from above, and the report."""
+    """Undistorted images, masks and depth images, and the metric model, a picture from above, and the report."""
     frames = read_json(out / FRAMES / "stage.json")["found"]
     place, _ = images_of(frames, out / FRAMES)
     images = colmap.read_map(model)
     find_drift = partial(_drift_beside, model, images, adjusted_as(frames, config.poses))
-    placed = place_map(images, sightings, lengths, config.metric, device_of(frames), find_drift)
+    ratio = depth_ratio(model, out / FRAMES / DEPTHS) if frames.get("depths") else None
+    if ratio is not None and frames["metric"]:
+        check_unit(ratio)
+    placed = place_map(images, sightings, lengths, config.metric, device_of(frames, ratio), find_drift)
     apart(undistortion.write_undistorted, model, place, folder, placed.world_from_map, config.poses)
     if (out / FRAMES / MASKS).is_dir():
         undistortion.write_undistorted_masks(model, out / FRAMES / MASKS, folder)
+    if ratio is not None:
+        scale = ratio.units_per_metre * placed.scale.metres_per_unit
+        undistortion.write_undistorted_depths(model, out / FRAMES / DEPTHS, folder, scale)
     metric = images.transform(placed.world_from_map)
     corners_m = [placed.world_from_map.apply(marker.corners) for marker in placed.markers]
     write_png(
@@ -366,6 +377,9 @@ def make_posed(
         names = ", ".join(frames["unused"])
         numbers["notes"].append(f"not used, as they cannot be read or are no photos like the others: {names}")
     report |= numbers
+    if frames.get("depths"):
+        report["depth"] = _depth_numbers(frames, ratio, placed.scale.metres_per_unit)
+        numbers["notes"].append(report["depth"].pop("note"))
     numbers["notes"] += frames.get("notes", [])
     (folder / REPORT_FILE).write_text(json.dumps(report, indent=2) + "\n")
     return report
@@ -376,13 +390,27 @@ def adjusted_as(frames: Mapping[str, Any], config: PosesConfig) -> PosesConfig:
     return replace(config, intrinsics="given", intrinsics_are="fixed") if "pose" in frames else config
 
 
-def device_of(frames: Mapping[str, Any]) -> Device:
-    """What the device that filmed measured itself."""
+def device_of(frames: Mapping[str, Any], ratio: DepthRatio | None = None) -> Device:
+    """What the device that filmed measured itself: its depths tell the scale of poses that have none."""
+    name, metric = str(frames.get("what", "")), bool(frames.get("metric"))
+    by_depths = ratio is not None and not metric
     return Device(
-        name=str(frames.get("what", "")),
-        metric=bool(frames.get("metric")),
+        name=f"depth images of {name}" if by_depths else name,
+        metric=metric or by_depths,
+        metres_per_unit=1.0 / ratio.units_per_metre if ratio is not None and by_depths else 1.0,
         up=None if frames.get("up") is None else np.array(frames["up"], dtype=np.float64),
     )
+
+
+def _depth_numbers(frames: Mapping[str, Any], ratio: DepthRatio | None, metres_per_unit: float) -> dict[str, Any]:
+    """What the report says of depth images, and a note."""
+    images = int(frames["depths"])
+    if ratio is None:
+        return {"images": images, "note": "depth images are not used: too few points of the map have a depth"}
+    longer = 1.0 / (ratio.units_per_metre * metres_per_unit)
+    note = f"check: depths of the device are {100 * (longer - 1):+.1f} % longer than those of {ratio.sightings} points"
+    return {"images": images, "sightings": ratio.sightings, "longer_than_map": round(longer, 5),
+            "spread": round(ratio.spread, 5), "note": f"{note} in {ratio.images} images"}  # fmt: skip
 
 
 def _drift_beside(model: Path, images: PosedImages, poses: PosesConfig, ruler: Ruler) -> float | None:

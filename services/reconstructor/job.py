@@ -8,6 +8,7 @@ from typing import Any
 from readygo.common.errors import SceneError
 from readygo.services.reconstructor.config import ReconstructorConfig
 from readygo.services.reconstructor.frames.photos import photo_files
+from readygo.services.reconstructor.given.depth import absent_modules
 from readygo.services.reconstructor.given.find import read_capture
 from readygo.services.reconstructor.poses import colmap
 from readygo.services.reconstructor.stages import identity_of
@@ -40,7 +41,7 @@ def open_source(path: Path) -> Source:
     if not path.exists():
         raise SceneError(
             f"{path} does not exist; give a video, a folder of photos, a folder with a COLMAP model, a "
-            "transforms.json, or an export of Polycam or Record3D."
+            "transforms.json, or an export of Polycam, Record3D or Stray Scanner."
         )
     model = None if path.is_file() else colmap.find_model(path)
     given = read_capture(path)
@@ -52,7 +53,9 @@ def open_source(path: Path) -> Source:
             raise SceneError(f"{path} lacks {len(missing)} images of its COLMAP model, {missing[0]} among them.")
         return Source(path=path, kind="colmap", identity=identity_of([*colmap.model_files(model), *images]))
     if given is not None:
-        return Source(path=path, kind="capture", identity=identity_of([*given.files, *given.images]))
+        # Depths that could not be read are read once their module is there.
+        absent = tuple((module, 0, 0) for module in absent_modules(given.depth))
+        return Source(path=path, kind="capture", identity=identity_of(given.all_files) + absent)
     if path.is_file():
         return Source(path=path, kind="video", identity=identity_of([path]))
     photos = photo_files(path)

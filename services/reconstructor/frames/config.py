@@ -20,5 +20,8 @@ class FramesConfig:
     masks: str = ""
     """Folder with a mask of each image, named after it as a.jpg.png, in which 0 is ignored; empty: there are none."""
 
+    depth: bool = True
+    """Use the depth images that come with a capture."""
+
     def __post_init__(self) -> None:
         check_ranges(self)

@@ -2,26 +2,33 @@
 
 import os
 from collections import Counter
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 
+from readygo.common.arrays import AnyArray
 from readygo.common.errors import SceneError
 from readygo.common.images.encoded import read_pixels
 from readygo.services.reconstructor.frames.config import FramesConfig
+from readygo.services.reconstructor.frames.depths import FOLDER as DEPTHS
 from readygo.services.reconstructor.frames.names import usable_name
-from readygo.services.reconstructor.frames.video import is_same_shape, shrunk, write_jpeg
+from readygo.services.reconstructor.frames.video import is_same_shape, read_frames, shrunk, write_jpeg
 from readygo.services.reconstructor.given.bare_model import find_bare_model, read_bare_model
 from readygo.services.reconstructor.given.capture import IMAGES_MIN, GivenCapture
+from readygo.services.reconstructor.given.depth import DepthFile, write_depths
 from readygo.services.reconstructor.given.polycam import check_polycam, find_polycam, read_polycam
 from readygo.services.reconstructor.given.record3d import find_record3d, read_record3d
+from readygo.services.reconstructor.given.stray import find_stray, read_stray
 from readygo.services.reconstructor.given.transforms import FILE, read_transforms
 
 
 def read_capture(path: Path) -> GivenCapture | None:
-    """The capture with poses at a path: a `transforms.json`, of Polycam or Record3D, or a COLMAP model without tracks.
+    """The capture with poses at a path.
+
+    It is a `transforms.json`, of Polycam, Record3D or Stray Scanner, or a COLMAP model without tracks.
 
     Returns:
         None if there is none.
@@ -41,6 +48,9 @@ def read_capture(path: Path) -> GivenCapture | None:
         return read_polycam(*polycam)
     if record3d is not None:
         return read_record3d(*record3d)
+    stray = find_stray(path)
+    if stray is not None:
+        return read_stray(stray)
     check_polycam(path)
     return None
 
@@ -48,26 +58,27 @@ def read_capture(path: Path) -> GivenCapture | None:
 def prepare_capture(given: GivenCapture, folder: Path, config: FramesConfig) -> dict[str, Any]:
     """Write the images of a capture that are used, not larger than wanted and not turned, as `folder`/NAME.jpg.
 
-    Names have _ for spaces, see `usable_name`.
+    Names have _ for spaces, see `usable_name`. Depth images become `folder`/depth/NAME.jpg.png, see `write_depths`.
 
     Returns:
         What was found: frames, kept, size or sizes, `what` wrote it, its unit and up, of each image `lens` (model,
-        parameters) and `pose`, files that cannot be used, and of each file the image that is used with its width as
-        share of the file's. Files whose names repeat are named from the capture's folder on.
+        parameters) and `pose`, files that cannot be used, `depths` (how many), and of each file the image that is used
+        with its width as share of the file's. Files whose names repeat are named from the capture's folder on.
 
     Raises:
-        SceneError: If too few images are there, two have the same name, one is there twice, or one does not have its
-            lens's shape.
+        SceneError: If too few images are there, two have the same name, one is there twice, one does not have its
+            lens's shape, or depths are impossible.
     """
     _refuse_repeated(given)
-    there = [row for row, path in enumerate(given.images) if path.is_file()]
+    there = [row for row, path in enumerate(given.images) if given.video is not None or path.is_file()]
     chosen = np.unique(np.linspace(0, len(there) - 1, min(len(there), config.count_max)).round().astype(int))
-    names = _names([given.images[there[k]] for k in chosen]) if len(there) else []
+    rows = [there[k] for k in chosen]
+    names = dict(zip(rows, _names([given.images[row] for row in rows]), strict=True)) if rows else {}
     told = _told_names(given)
     lenses, poses, sizes, photos, unused = {}, {}, {}, {}, []
-    for name, row in zip(names, (there[k] for k in chosen), strict=True):
-        path = given.images[row]
-        bgr = read_pixels(path, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+    depths: dict[str, DepthFile | None] = {}
+    for row, bgr in _pixels(given, rows):
+        name, path = names[row], given.images[row]
         if bgr is None:
             unused.append(told[row])
             continue
@@ -85,17 +96,35 @@ def prepare_capture(given: GivenCapture, folder: Path, config: FramesConfig) -> 
         lenses[name], sizes[name] = [fitted.model, *fitted.params], list(size_px)
         poses[name] = given.T_world_camera[row].tolist()
         photos[told[row]] = (name, size_px[0] / source_px[0])
+        depths[name] = given.depth[row] if config.depth else None
     if len(lenses) < IMAGES_MIN:
         missing = f"; {given.images[0]} is missing" if not there and given.images else ""
         raise SceneError(f"{len(lenses)} images of this {given.kind} are there; {IMAGES_MIN} are needed{missing}.")
     lost = len(given.images) - len(there)
     notes = [f"{lost} of {len(given.images)} images of the {given.kind} are missing"] if lost else []
+    measured, said = write_depths(depths, {name: tuple(size) for name, size in sizes.items()}, folder / DEPTHS)
+    notes += said
     all_sizes = sorted({tuple(size) for size in sizes.values()})
     return {"frames": len(given.images), "kept": len(lenses), "notes": notes, "unused": unused,
             "size_px": list(all_sizes[0]) if len(all_sizes) == 1 else [list(size) for size in all_sizes],
             "what": given.kind, "metric": given.metric, "rough": given.rough,
             "up": None if given.up is None else list(given.up),
-            "lens": lenses, "pose": poses, "photos": photos}  # fmt: skip
+            "depths": measured, "lens": lenses, "pose": poses, "photos": photos}  # fmt: skip
+
+
+def _pixels(given: GivenCapture, rows: Sequence[int]) -> Iterator[tuple[int, AnyArray | None]]:
+    """Pixels of some images, by their rows; None for one that cannot be read."""
+    if given.video is None:
+        for row in rows:
+            yield row, read_pixels(given.images[row], cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+        return
+    wanted = {int(given.images[row].stem): row for row in rows}
+    for number, (bgr, _) in enumerate(read_frames(given.video)):
+        if number in wanted:
+            yield wanted.pop(number), bgr
+        if not wanted:
+            return
+    yield from ((row, None) for row in wanted.values())
 
 
 def _refuse_repeated(given: GivenCapture) -> None:

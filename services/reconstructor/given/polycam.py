@@ -2,6 +2,7 @@
 
 A camera has fx, fy, cx, cy, width, height [px] and t_00 to t_23, its pose in ARKit's world: metres, y up, and camera
 axes of OpenGL. Corrected cameras are those that Polycam has optimised; their images are without distortion.
+`keyframes/depth/N.png` and `keyframes/confidence/N.png` are ARKit's, of both kinds of images.
 
 Source: PolyCam/polyform, README, "Raw data".
 """
@@ -15,6 +16,7 @@ from readygo.common.documents import read_json
 from readygo.common.errors import SceneError
 from readygo.common.frames import swap_opengl_axes
 from readygo.services.reconstructor.given.capture import GivenCapture, image_file, named_error
+from readygo.services.reconstructor.given.depth import LIDAR_FAR_M, find_depth
 from readygo.services.reconstructor.poses.intrinsics import Intrinsics, lens_of_row
 
 _KIND = "a camera of Polycam"
@@ -52,6 +54,14 @@ def read_polycam(images: Path, cameras: Path) -> GivenCapture:
             metric=True,
             rough=cameras.name == "cameras",
             up=(0.0, 1.0, 0.0),
+            depth=tuple(
+                find_depth(
+                    images.parent / "depth" / f"{file.stem}.png",
+                    images.parent / "confidence" / f"{file.stem}.png",
+                    far_m=LIDAR_FAR_M,
+                )
+                for file in files
+            ),
         )
     except ValueError as error:
         raise named_error(cameras, _KIND, error) from error

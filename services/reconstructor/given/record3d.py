@@ -2,7 +2,8 @@
 
 `K` is the matrix of the intrinsics column by column, `w` and `h` the size; `perFrameIntrinsicCoeffs`, where it is
 there, has fx, fy, cx, cy of each frame. `poses` has qx, qy, qz, qw, x, y, z of each frame in ARKit's world: metres, y
-up, and camera axes of OpenGL.
+up, and camera axes of OpenGL. Depths are `depth/N.exr` beside `rgb/` (an export as EXR and JPG), or `rgbd/N.depth` with
+`rgbd/N.conf` (an unpacked .r3d).
 
 Source: Record3D's documentation of its .r3d format.
 """
@@ -11,12 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from readygo.common.arrays import Float64Array
 from readygo.common.documents import read_json
 from readygo.common.frames import swap_opengl_axes
-from readygo.services.reconstructor.given.capture import GivenCapture, image_file, named_error
+from readygo.services.reconstructor.given.capture import GivenCapture, image_file, named_error, pose_matrices
+from readygo.services.reconstructor.given.depth import LIDAR_FAR_M, DepthFile, find_depth
 from readygo.services.reconstructor.poses.intrinsics import Intrinsics, lens
 
 _KIND = "metadata of Record3D"
@@ -49,23 +49,19 @@ def read_record3d(metadata: Path, images: Path) -> GivenCapture:
             files=(metadata,),
             images=tuple(image_file(images, str(number)) for number in range(len(poses))),
             lenses=_lenses(row, len(poses)),
-            T_world_camera=swap_opengl_axes(_matrices(poses)),
+            T_world_camera=swap_opengl_axes(pose_matrices(poses[:, :4], poses[:, 4:])),
             metric=True,
             rough=True,
             up=(0.0, 1.0, 0.0),
+            depth=tuple(_depth(images, str(number)) for number in range(len(poses))),
         )
     except (OSError, KeyError, TypeError, ValueError, OverflowError) as error:
         raise named_error(metadata, _KIND, error) from error
 
 
-def _matrices(poses: Float64Array) -> Float64Array:
-    """Poses (N, 4, 4) of quaternions and positions (N, 7)."""
-    lengths = np.linalg.norm(poses[:, :4], axis=1)
-    if not (np.isfinite(poses).all() and (np.abs(lengths - 1.0) < 1e-2).all()):
-        raise ValueError("a quaternion has not the length 1")
-    T = np.tile(np.eye(4), (len(poses), 1, 1))
-    T[:, :3, :3], T[:, :3, 3] = Rotation.from_quat(poses[:, :4]).as_matrix(), poses[:, 4:]
-    return T
+def _depth(images: Path, name: str) -> DepthFile | None:
+    exr = find_depth(images.parent / "depth" / f"{name}.exr", far_m=LIDAR_FAR_M)
+    return exr or find_depth(images / f"{name}.depth", images / f"{name}.conf", far_m=LIDAR_FAR_M)
 
 
 def _lenses(row: dict[str, Any], count: int) -> tuple[Intrinsics, ...]:

@@ -1,7 +1,7 @@
 """`transforms.json` of nerfstudio, instant-ngp and programs that write the same.
 
 Cameras have OpenGL's axes. `applied_transform` (3x4) and `applied_scale` say what nerfstudio did to the frame of the
-mapper or the device; both are undone.
+mapper or the device; both are undone. `depth_file_path` of a frame is a PNG of 16 bits in millimetres.
 
 Source: nerfstudio's documentation, "Data conventions"; instant-ngp, "NeRF dataset tips".
 """
@@ -19,6 +19,7 @@ from readygo.common.errors import SceneError
 from readygo.common.frames import swap_opengl_axes
 from readygo.common.images.encoded import read_pixels
 from readygo.services.reconstructor.given.capture import GivenCapture, image_file, named_error
+from readygo.services.reconstructor.given.depth import DepthFile, find_depth
 from readygo.services.reconstructor.poses.intrinsics import Intrinsics, lens_of_row
 
 FILE = "transforms.json"
@@ -32,7 +33,7 @@ _IGNORE_ORIENTATION = 1 | 128
 
 
 def read_transforms(path: Path) -> GivenCapture:
-    """Read a `transforms.json`; its scale is not known.
+    """Read a `transforms.json`; the scale of its poses is not known.
 
     Args:
         path: The file; paths of images in it are relative to its folder.
@@ -57,9 +58,15 @@ def read_transforms(path: Path) -> GivenCapture:
             T_world_camera=swap_opengl_axes(_undo(T, table)),
             metric=False,
             rough=False,
+            depth=tuple(_depth(path.parent, row) for row in rows),
         )
     except (OSError, KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
         raise named_error(path, _KIND, error) from error
+
+
+def _depth(folder: Path, row: Mapping[str, Any]) -> DepthFile | None:
+    name = row.get("depth_file_path")
+    return None if name is None else find_depth(folder / str(name))
 
 
 def _matrix(value: Any) -> Float64Array:

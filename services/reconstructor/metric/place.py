@@ -53,7 +53,9 @@ class Device:
 
     name: str = ""
     metric: bool = False
-    """Whether the unit of its poses is the metre."""
+    """Whether it tells the scale of its poses."""
+    metres_per_unit: float = 1.0
+    """Of its poses, where it tells their scale."""
     up: Float64Array | None = None
     """Where up is in the frame of its poses, a unit vector, shape (3,); None if it does not tell."""
 
@@ -120,7 +122,7 @@ def place_map(
     scale, unknown = _with_drift(scale, ruler_of(kept, sightings, lengths), find_drift)
     more = [*scale.left_out, *_length_checks(images, lengths if measures else lengths[1:], scale)]
     if device.metric and scale_is_told(config):
-        off = 100.0 * (scale.metres_per_unit - 1.0)
+        off = 100.0 * (scale.metres_per_unit / device.metres_per_unit - 1.0)
         more.append(f"check: lengths are {off:+.1f} % longer by {scale.source} than by the device ({device.name})")
     up = held_up(images.T_world_camera) if device.up is None else device.up
     floor, marker, others = _floor(images, kept, config, up)
@@ -185,7 +187,7 @@ def _scale(
     device: Device,
 ) -> Scale:
     if device.metric and not scale_is_told(config):
-        return Scale(metres_per_unit=1.0, sigma=float("nan"), source=f"the device ({device.name})")
+        return Scale(metres_per_unit=device.metres_per_unit, sigma=float("nan"), source=f"the device ({device.name})")
     if measures:
         return scale_of_markers(measures, config.marker_size_m, _MARKER_SIGMA_M)
     if lengths:

@@ -26,7 +26,7 @@ class PosesConfig:
     """`fixed`: they stay as they are given; `prior`: focal length and distortion are refined from there."""
     given: Literal["auto", "keep", "adjust"] = "auto"
     """Poses that come with the images: `adjust` adjusts them to the matches, and keeps their scale and frame; `auto`
-    does so for those of a device (Polycam's raw ones, Record3D)."""
+    does so for those of a device (Polycam's raw ones, Record3D, Stray Scanner)."""
     refine_principal_point: bool = False
     """True refines the principal point too, unless the lens is fixed; else it is the image's middle."""
 

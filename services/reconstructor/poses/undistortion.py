@@ -11,6 +11,8 @@ import numpy as np
 from readygo.common.arrays import Float64Array
 from readygo.common.errors import RunError, SceneError
 from readygo.common.files import write_whole
+from readygo.services.reconstructor.frames.depths import FOLDER as DEPTHS
+from readygo.services.reconstructor.frames.depths import STEP_M, read_steps, to_steps
 from readygo.services.reconstructor.frames.masks import FOLDER as MASKS
 from readygo.services.reconstructor.frames.masks import read_mask
 from readygo.services.reconstructor.poses.colmap import open_model, pycolmap
@@ -81,9 +83,48 @@ def write_undistorted_masks(model: Path, masks: Path, posed: Path) -> None:
         write_whole(posed / MASKS / f"{image.name}.png", data, raises=SceneError)
 
 
-def _places_before(lens: Any, pinhole: Any) -> tuple[Float64Array, Float64Array]:
-    """Column and row, counted from the first pixel's centre, that each pixel of a pinhole camera shows of another."""
-    v, u = np.mgrid[: pinhole.height, : pinhole.width] + 0.5
+def write_undistorted_depths(model: Path, depths: Path, posed: Path, scale: float) -> None:
+    """Write depth images as `write_undistorted` made their images, with about as many pixels as they had.
+
+    Args:
+        model: The model before.
+        depths: Folder of its images' depth images, NAME.png, see `read_steps`; some may be missing.
+        posed: Folder with the undistorted model; gets `depth/NAME.png`.
+        scale: By which depths become longer.
+
+    Raises:
+        SceneError: If one cannot be written.
+    """
+    before, after = open_model(model), open_model(posed / "sparse" / "0")
+    for image in (after.images[number] for number in after.reg_image_ids()):
+        steps = read_steps(depths / f"{image.name}.png")
+        if steps is None:
+            continue
+        lens, pinhole = before.find_image_with_name(image.name).camera, image.camera
+        share = max(steps.shape) / max(pinhole.height, pinhole.width)
+        shape = (round(pinhole.height * share), round(pinhole.width * share))
+        sides = np.array(steps.shape[::-1]) / (lens.width, lens.height)
+        u, v = (
+            np.floor((place + 0.5) * side).astype(np.int64)
+            for place, side in zip(_places_before(lens, pinhole, shape), sides, strict=True)
+        )
+        inside = (u >= 0) & (v >= 0) & (u < steps.shape[1]) & (v < steps.shape[0])
+        flat = np.zeros(shape, dtype=np.uint16)
+        flat[inside] = to_steps(steps[v[inside], u[inside]] * (scale * STEP_M))
+        write_whole(posed / DEPTHS / f"{image.name}.png", cv2.imencode(".png", flat)[1].tobytes(), raises=SceneError)
+
+
+def _places_before(lens: Any, pinhole: Any, shape: tuple[int, int] | None = None) -> tuple[Float64Array, Float64Array]:
+    """Column and row, counted from the first pixel's centre, that each pixel of a pinhole camera shows of another.
+
+    Args:
+        lens: The other camera.
+        pinhole: The camera.
+        shape: Rows and columns that the pinhole camera's image is made of; None: its own.
+    """
+    rows, columns = shape or (pinhole.height, pinhole.width)
+    v, u = np.mgrid[:rows, :columns] + 0.5
+    v, u = v * (pinhole.height / rows), u * (pinhole.width / columns)
     K = pinhole.calibration_matrix()
     rays = np.column_stack([((u - K[0, 2]) / K[0, 0]).ravel(), ((v - K[1, 2]) / K[1, 1]).ravel(), np.ones(u.size)])
     pixels = np.asarray(lens.img_from_cam(rays)).reshape(*u.shape, 2) - 0.5

@@ -40,25 +40,26 @@ def points_between(posed: Posed, numbers: tuple[int, ...], count_max: int) -> tu
     if len(found):
         places_m = posed.views.T_world_camera[list(numbers), :3, 3]
         away_m = [np.linalg.norm(points_m - place_m, axis=1) for points_m, place_m in zip(shown, places_m, strict=True)]
-        found = _agreed_means(found, moment, _CELL * float(np.median(np.concatenate(away_m))))
+        found = agreed_means(found, moment, _CELL * float(np.median(np.concatenate(away_m))))
     found = found[:: len(found) // count_max + 1]
     return found[:, :3], np.rint(255.0 * found[:, 3:]).astype(np.uint8)
 
 
-def _agreed_means(found: Float64Array, moment: Int64Array, cell_m: float) -> Float64Array:
+def agreed_means(found: Float64Array, moment: Int64Array, cell_m: float, images_min: int = _IMAGES_MIN) -> Float64Array:
     """Means of what lies in one cell, of the cells in which enough images have something, shape (n, 6).
 
     Args:
         found: Positions [m] and colours, shape (N, 6).
         moment: Number of the moment at which each was seen, shape (N,): views of one 360-degree image count once.
         cell_m: Side of the cells.
+        images_min: So many images are enough.
     """
     cells = np.floor(found[:, :3] / cell_m).astype(np.int64)
     _, cell, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     cell = cell.reshape(-1)
     images = np.bincount(np.unique(np.stack([cell, moment]), axis=1)[0])
     means = np.stack([np.bincount(cell, column) / counts for column in found.T], axis=1)
-    return np.asarray(means[images >= _IMAGES_MIN], dtype=np.float64)
+    return np.asarray(means[images >= images_min], dtype=np.float64)
 
 
 def _of_photo(photo: Photo, points_m: Float64Array) -> Float64Array:

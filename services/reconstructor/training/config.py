@@ -59,6 +59,8 @@ class GeometryConfig:
     """Weight of how far pixels come back from a neighbour [1/px]."""
     ncc: Annotated[float, Range(low=0.0)] = 0.15
     """Weight of how much grey patches differ from a neighbour's."""
+    depth: Annotated[float, Range(low=0.0)] = 0.5
+    """Weight of how far depths are off those that a device measured, relative to them."""
     noise_px: Annotated[float, Range(above=0.0)] = 1.0
     """Pixels that come back farther away do not count: something hides them."""
     patches_max: Annotated[int, Range(low=1)] = 4096

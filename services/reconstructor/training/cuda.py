@@ -23,7 +23,7 @@ from readygo.services.reconstructor.training.parameters import PARAMETERS, SHAPE
 from readygo.services.reconstructor.training.photometric import SSIM_WEIGHT, photometric_loss
 from readygo.services.reconstructor.training.photos import BRIGHTNESS, PhotoStore
 from readygo.services.reconstructor.training.planes import plane_features
-from readygo.services.reconstructor.training.surfaces import between, normals_within, side_of
+from readygo.services.reconstructor.training.surfaces import between, normals_within, off_measured, side_of
 
 Tensor = torch.Tensor
 Tensors = dict[str, Tensor]
@@ -47,6 +47,8 @@ class _View:
     """Colours, uint8, shape (3, H, W)."""
     mask: Tensor | None
     """True where the photo counts, shape (H, W); None where all of it does."""
+    depth_m: Tensor | None
+    """Depths that the device measured, 0 where it did not, shape (H, W); None without any."""
     K_px: Float64Array
     T_world_camera: Float64Array
 
@@ -205,6 +207,8 @@ class CudaEngine:
             rgb = view.pixels * float(BRIGHTNESS)
             side = side_of(drawn.values[..., 3:], rgb, view.K_px, view.T_world_camera, mask)
             loss = loss + normals_within(side, drawn.alpha, rgb, self._settings.geometry)
+            if view.depth_m is not None:
+                loss = loss + off_measured(side, view.depth_m, self._settings.geometry)
             if task.neighbour is not None:
                 there = self._view(photos, task.neighbour)
                 other = self._draw(values, there, self._planes(there))
@@ -273,9 +277,11 @@ class CudaEngine:
             return self._kept[number]
         pixels = torch.from_numpy(photos.pixels(number)).to(self._device).permute(2, 0, 1).contiguous()
         K, T = photos.camera(number, (pixels.shape[1], pixels.shape[2]))
-        mask = photos.mask(number)
-        on_device = None if mask is None else torch.from_numpy(mask).to(self._device)
-        view = _View(pixels=pixels, mask=on_device, K_px=K, T_world_camera=T)
+        mask, depth_m = (
+            None if array is None else torch.from_numpy(array).to(self._device)
+            for array in (photos.mask(number), photos.depth_m(number))
+        )
+        view = _View(pixels=pixels, mask=mask, depth_m=depth_m, K_px=K, T_world_camera=T)
         if photos.keeps:
             self._kept[number] = view
         return view

@@ -7,10 +7,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from readygo.common.arrays import BoolArray, Float32Array, Float64Array, Int64Array, UInt8Array
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array, Int64Array, UInt8Array, UInt16Array
 from readygo.common.camera.captured import CapturedViews
 from readygo.common.errors import SceneError
 from readygo.common.images.encoded import read_pixels
+from readygo.services.reconstructor.frames.depths import FOLDER as DEPTHS
+from readygo.services.reconstructor.frames.depths import STEP_M, read_steps
 from readygo.services.reconstructor.frames.masks import FOLDER as MASKS
 from readygo.services.reconstructor.frames.masks import read_mask, shrink_mask
 from readygo.services.reconstructor.posed import PosedImages
@@ -45,6 +47,8 @@ class Posed:
     """Number of the moment that each view shows, see `colmap.moment_numbers`, shape (V,)."""
     masks: Path | None = None
     """Folder of the images' masks, NAME.png, in which 0 is ignored; None without any."""
+    depths: Path | None = None
+    """Folder of the images' depth images, NAME.png, see `read_steps`; some may be missing. None without any."""
 
     @property
     def extent_m(self) -> float:
@@ -79,6 +83,8 @@ class Photo:
     T_world_camera: Float64Array
     mask: BoolArray | None = None
     """True where the photo counts, shape (H, W); None where all of it does."""
+    depth_m: Float32Array | None = None
+    """Depths that the device measured, 0 where it did not, shape (H, W); None without any."""
 
 
 def open_posed(folder: Path, undistorted: Path) -> Posed:
@@ -91,10 +97,11 @@ def open_posed(folder: Path, undistorted: Path) -> Posed:
     Raises:
         SceneError: If it cannot be used.
     """
-    model, images, masks = model_of(folder), folder / "images", folder / MASKS
+    model, images, masks, depths = model_of(folder), folder / "images", folder / MASKS, folder / DEPTHS
     if not colmap.is_pinhole(model):
-        _undistort(model, images, masks, undistorted)
-        model, images, masks = undistorted / "sparse" / "0", undistorted / "images", undistorted / MASKS
+        _undistort(model, images, masks, depths, undistorted)
+        model, images = undistorted / "sparse" / "0", undistorted / "images"
+        masks, depths = undistorted / MASKS, undistorted / DEPTHS
     views, found = colmap.pinhole_views(model), colmap.read_map(model)
     _check(folder, images, views, found)
     if masks.is_dir():
@@ -107,6 +114,7 @@ def open_posed(folder: Path, undistorted: Path) -> Posed:
         seen=found.seen,
         moments=colmap.moment_numbers(model),
         masks=masks if masks.is_dir() else None,
+        depths=depths if depths.is_dir() else None,
     )
     if posed.extent_m <= 0:
         raise SceneError(f"All cameras of {folder} stand in one place; Gaussians need views from several.")
@@ -125,8 +133,8 @@ def model_of(folder: Path) -> Path:
     return model
 
 
-def _undistort(model: Path, images: Path, masks: Path, undistorted: Path) -> None:
-    """Make the folder of the undistorted images and masks unless it is there already, made of the same files."""
+def _undistort(model: Path, images: Path, masks: Path, depths: Path, undistorted: Path) -> None:
+    """Undistort images, masks and depths into a folder unless it is there already, made of the same files."""
     names = colmap.image_names(model)
     _check_there(images, names, "images")
 
@@ -135,9 +143,11 @@ def _undistort(model: Path, images: Path, masks: Path, undistorted: Path) -> Non
         undistortion.write_undistorted(model, images, folder, same, PosesConfig())
         if masks.is_dir():
             undistortion.write_undistorted_masks(model, masks, folder)
+        undistortion.write_undistorted_depths(model, depths, folder, 1.0)
         return {"masks": masks.is_dir()}
 
-    files = [*colmap.model_files(model), *(images / name for name in names), *(masks / f"{name}.png" for name in names)]
+    files = [*colmap.model_files(model), *(images / name for name in names)]
+    files += [kind / f"{name}.png" for kind in (masks, depths) for name in names]
     settings = {"model": str(model.resolve()), "files": identity_of(files), "masks": masks.is_dir()}
     undistorted.parent.mkdir(parents=True, exist_ok=True)
     Stages(undistorted.parent, lambda _: None).run(undistorted.name, settings, make, code=code_digest("poses"))
@@ -186,6 +196,7 @@ class PhotoStore:
         keeps = bytes_of(posed) * sum(width * height for width, height in sizes) <= KEPT_BYTES
         self._kept = {number: self._read(number) for number in numbers} if keeps else {}
         self._kept_masks = {number: self._read_mask(number) for number in numbers} if keeps else {}
+        self._kept_depths = {number: self._read_depth(number) for number in numbers} if keeps else {}
 
     @property
     def keeps(self) -> bool:
@@ -201,6 +212,11 @@ class PhotoStore:
         """True where the photo of a view counts, shape (H, W); None where all of it does."""
         return self._kept_masks[number] if number in self._kept_masks else self._read_mask(number)
 
+    def depth_m(self, number: int) -> Float32Array | None:
+        """Depths of a view that the device measured, 0 where it did not, shape (H, W); None without any."""
+        steps = self._kept_depths[number] if number in self._kept_depths else self._read_depth(number)
+        return None if steps is None else np.float32(STEP_M) * steps
+
     def camera(self, number: int, size_px: tuple[int, int]) -> tuple[Float64Array, Float64Array]:
         """`K_px` of a view whose photo has so many rows and columns, and `T_world_camera`."""
         views = self._posed.views
@@ -215,7 +231,7 @@ class PhotoStore:
         planes = np.empty((3, *pixels.shape[:2]), dtype=np.float32)
         for channel in range(3):
             np.multiply(pixels[:, :, channel], BRIGHTNESS, out=planes[channel])
-        return Photo(rgb=planes, K_px=K, T_world_camera=T, mask=self.mask(number))
+        return Photo(rgb=planes, K_px=K, T_world_camera=T, mask=self.mask(number), depth_m=self.depth_m(number))
 
     def items(self) -> Iterator[tuple[str, Photo]]:
         """Names of the images, and their photos."""
@@ -247,10 +263,20 @@ class PhotoStore:
             raise SceneError(f"{path} is {there}, its camera {width}x{height} px.")
         return shrink_mask(mask, size_px(self._posed, number, self._side_max_px, self._fraction)) > 0
 
+    def _read_depth(self, number: int) -> UInt16Array | None:
+        """Read a view's depths in steps, shape (H, W)."""
+        if self._posed.depths is None:
+            return None
+        steps = read_steps(self._posed.depths / f"{self._posed.views.images[number]}.png")
+        if steps is None:
+            return None
+        size = size_px(self._posed, number, self._side_max_px, self._fraction)
+        return np.asarray(cv2.resize(steps, size, interpolation=cv2.INTER_NEAREST_EXACT), dtype=np.uint16)
+
 
 def bytes_of(posed: Posed) -> int:
-    """Memory of a pixel that is kept: its colours, and its mask."""
-    return 3 if posed.masks is None else 4
+    """Memory of a pixel that is kept: its colours, its mask, and its depth."""
+    return 3 + (posed.masks is not None) + 2 * (posed.depths is not None)
 
 
 def split_views(moments: Sequence[int] | Int64Array, hold_out: int) -> tuple[tuple[int, ...], tuple[int, ...]]:

@@ -75,11 +75,24 @@ def surface_slopes(
     here = _Slopes(one)
     scale = config.normal / here.depth_m.size
     loss = normal_slopes(here.planes, alpha, weights, here.camera, here.depth_m, scale, here.by_depth, here.by_planes)
+    if one.photo.depth_m is not None:
+        loss += _off_measured(here, one, one.photo.depth_m, config)
     if other is None:
         return loss, here.whole(), None
     there = _Slopes(other)
     loss += _between(here, there, one, other, config, rng)
     return loss, here.whole(), there.whole()
+
+
+def _off_measured(here: _Slopes, one: PlaneView, measured_m: Float32Array, config: GeometryConfig) -> float:
+    """Weighted mean of |depth / measured depth - 1|; its derivative, sign / measured depth, is added."""
+    known = (measured_m > 0) & (_counted(here, one) > 0)
+    count = int(known.sum())
+    if not count:
+        return 0.0
+    off = here.depth_m[known] / measured_m[known] - 1.0
+    here.by_depth[known] += np.float32(config.depth / count) * np.sign(off) / measured_m[known]
+    return float(config.depth / count * np.abs(off).sum())
 
 
 def _between(

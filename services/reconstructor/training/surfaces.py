@@ -6,7 +6,7 @@ import torch
 from readygo.common.arrays import Float64Array
 from readygo.services.reconstructor.training.config import GeometryConfig
 from readygo.services.reconstructor.training.neighbours import Side, neighbour_losses
-from readygo.services.reconstructor.training.planes import edge_weights, normal_loss, rays_of
+from readygo.services.reconstructor.training.planes import edge_weights, normal_loss, plane_depth, rays_of
 
 Tensor = torch.Tensor
 GREY = (0.299, 0.587, 0.114)
@@ -38,6 +38,22 @@ def normals_within(side: Side, alpha: Tensor, rgb: Tensor, config: GeometryConfi
     if side.mask is not None:
         weights = weights * side.mask
     return config.normal * normal_loss(side.planes, alpha, side.rays_W, weights)
+
+
+def off_measured(side: Side, measured_m: Tensor, config: GeometryConfig) -> Tensor:
+    """Weighted mean of |depth / measured depth - 1|.
+
+    Args:
+        side: The view.
+        measured_m: Depths that a device measured, 0 where it did not, shape (H, W).
+        config: Weights of the losses.
+    """
+    depth_m, known = plane_depth(side.planes, side.rays_W)
+    known = known & (measured_m > 0)
+    if side.mask is not None:
+        known = known & side.mask
+    off = (depth_m / torch.where(known, measured_m, 1.0) - 1.0).abs() * known
+    return config.depth * off.sum() / known.sum().clamp(min=1)
 
 
 def between(side: Side, other: Side, config: GeometryConfig, rng: np.random.Generator) -> Tensor:

@@ -37,6 +37,7 @@ from readygo.services.reconstructor.training.drawing import OBSERVED_PX
 from readygo.services.reconstructor.training.engine import Engine, ViewTask
 from readygo.services.reconstructor.training.exposures import Exposures
 from readygo.services.reconstructor.training.interruption import interruption
+from readygo.services.reconstructor.training.measured import points_of_depths
 from readygo.services.reconstructor.training.memory import check_memory, gpu_memory
 from readygo.services.reconstructor.training.neighbours import choose_neighbours, neighbour_distances
 from readygo.services.reconstructor.training.parameters import Gaussians, initial_gaussians
@@ -133,6 +134,8 @@ def _identity(posed: Posed, settings: GaussiansConfig) -> str:
         digest.update(posed.views.T_world_camera[number].tobytes() + posed.views.K_px[number].tobytes())
         if posed.masks is not None:
             digest.update((posed.masks / f"{name}.png").read_bytes())
+        depth = None if posed.depths is None else posed.depths / f"{name}.png"
+        digest.update(depth.read_bytes() if depth is not None and depth.is_file() else b"")
     digest.update(posed.points_m.tobytes())
     return digest.hexdigest()
 
@@ -188,7 +191,8 @@ class _Training:
         posed, room = self._posed, self._settings.density.count_max - len(self._posed.points_m)
         if room <= 0:
             return posed.points_m, posed.points_rgb
-        more_m, more_rgb = points_between(posed, self._train, room)
+        more = points_between if posed.depths is None else points_of_depths
+        more_m, more_rgb = more(posed, self._train, room)
         return np.concatenate([posed.points_m, more_m]), np.concatenate([posed.points_rgb, more_rgb])
 
     def run(self, transients: Transients | None = None) -> dict[str, Any]:

@@ -27,3 +27,17 @@ def test_cameras_are_paired_by_their_images(monkeypatch: pytest.MonkeyPatch) -> 
     assert (true[0, 0], ours[0, 0]) == (20.0, 2.0)
     with pytest.raises(SceneError, match="no cameras of this capture"):
         surfaces_and_plain.camera_pairs(Truth(content={"frames": []}), Path("posed"))
+
+
+def test_trainings_with_depth_images_differ_by_their_weights_and_one_has_none(tmp_path: Path) -> None:
+    arms = surfaces_and_plain.settings(300, 160, (0.0, 2.0))
+    assert {name: config.geometry.depth for name, config in arms.items()} == {
+        "without depth": surfaces_and_plain.settings(300, 160)["surfaces"].geometry.depth,
+        "depth 0": 0.0,
+        "depth 2": 2.0,
+    }
+    for name in ("images", "sparse", "depth"):
+        (tmp_path / "posed" / name).mkdir(parents=True)
+    for _ in range(2):
+        folder = surfaces_and_plain.without_depths(tmp_path / "posed", tmp_path / "links")
+        assert sorted(path.name for path in folder.iterdir()) == ["images", "sparse"]

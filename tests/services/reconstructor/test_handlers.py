@@ -15,9 +15,12 @@ from readygo.services.reconstructor.config import ReconstructorConfig
 from readygo.services.reconstructor.frames.config import FramesConfig
 from readygo.services.reconstructor.frames.panorama import cut_panoramas, panorama_rays, view_rotations
 from readygo.services.reconstructor.frames.video import write_jpeg
+from readygo.services.reconstructor.given import depth
 from readygo.services.reconstructor.handlers import (
+    _depth_numbers,
     _name_pairs,
     adjusted_as,
+    device_of,
     find_poses,
     known_lengths,
     known_lens,
@@ -28,10 +31,15 @@ from readygo.services.reconstructor.job import images_of, open_source
 from readygo.services.reconstructor.metric.config import MetricConfig
 from readygo.services.reconstructor.poses.colmap import pinhole_views
 from readygo.services.reconstructor.poses.config import PosesConfig
+from readygo.services.reconstructor.poses.depths import DepthRatio
 from readygo.services.reconstructor.similarity import umeyama
 from readygo.services.reconstructor.stages import StageProgress
+from readygo.services.reconstructor.training.measured import points_of_depths
+from readygo.services.reconstructor.training.photos import open_posed
 from tests.common.scenes.small_room import small_room
 from tests.services.reconstructor.given import test_find, test_polycam
+from tests.services.reconstructor.given.test_depth import png
+from tests.services.reconstructor.given.test_transforms import FRAMES, LENS, written
 from tests.services.reconstructor.synthetic import photos
 from tests.services.reconstructor.test_job import colmap_source
 
@@ -128,6 +136,16 @@ def test_captures_with_poses_need_a_scale_unless_their_device_measured_it(tmp_pa
     assert said == ["frames", "features", "matches", "map"], "grey images share nothing"
 
 
+def test_depths_that_cannot_be_read_tell_no_scale(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    frames = [{**frame, "depth_file_path": f"{row}.exr"} for row, frame in enumerate(FRAMES)]
+    for row in range(len(frames)):
+        (tmp_path / f"{row}.exr").touch()
+    written(tmp_path, {**LENS, "frames": frames})
+    monkeypatch.setattr(depth, "is_installed", lambda module: False)
+    with pytest.raises(ConfigError, match="Nothing tells the scale"):
+        find_poses(tmp_path / "transforms.json", tmp_path / "out", ReconstructorConfig(), lambda progress: None)
+
+
 def test_360_degree_sources_bring_their_lens_and_are_videos_or_photos(tmp_path: Path) -> None:
     pytest.importorskip("pycolmap", reason="pycolmap is not installed")
     frames, metric = FramesConfig(projection="equirectangular"), MetricConfig(scale=1.0)
@@ -200,19 +218,24 @@ def test_views_of_360_degree_photos_get_poses_about_the_centres_of_their_photos(
     assert turns.max() < 0.3
 
 
+def write_room_shots(folder: Path) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+    """Four views of 244 px of `room` in `folder`/images; names, poses and intrinsics."""
+    centres_m = np.array([[-0.6, 0.0, 0.0], [-0.2, 0.2, 0.1], [0.2, -0.2, -0.1], [0.6, 0.1, 0.2]])
+    for number, centre_m in enumerate(centres_m):
+        panorama = cv2.resize(room(centre_m, 1536), (768, 384), None, 0, 0, cv2.INTER_AREA)
+        write_jpeg(folder / "images" / f"{number}.jpg", panorama)
+    cut_panoramas(folder / "images", {"size_px": [768, 384]})
+    names, T = tuple(f"view_0/{number}.jpg" for number in range(4)), np.tile(np.eye(4), (4, 1, 1))
+    T[:, :3, :3], T[:, :3, 3] = [[1, 0, 0], [0, 0, 1], [0, -1, 0]], centres_m[:, [0, 2, 1]] * (1, 1, -1)
+    return names, T, np.tile([[122.0, 0, 122.0], [0, 122.0, 122.0], [0, 0, 1]], (4, 1, 1))
+
+
 @pytest.mark.parametrize("kind", ["colmap", "transforms"])
 def test_exported_cameras_come_back_with_their_poses_and_lenses(
     tmp_path: Path, kind: Literal["colmap", "transforms"]
 ) -> None:
     pytest.importorskip("pycolmap", reason="pycolmap is not installed")
-    centres_m = np.array([[-0.6, 0.0, 0.0], [-0.2, 0.2, 0.1], [0.2, -0.2, -0.1], [0.6, 0.1, 0.2]])
-    for number, centre_m in enumerate(centres_m):
-        panorama = cv2.resize(room(centre_m, 1536), (768, 384), None, 0, 0, cv2.INTER_AREA)
-        write_jpeg(tmp_path / "images" / f"{number}.jpg", panorama)
-    cut_panoramas(tmp_path / "images", {"size_px": [768, 384]})
-    names, T = tuple(f"view_0/{number}.jpg" for number in range(4)), np.tile(np.eye(4), (4, 1, 1))
-    T[:, :3, :3], T[:, :3, 3] = [[1, 0, 0], [0, 0, 1], [0, -1, 0]], centres_m[:, [0, 2, 1]] * (1, 1, -1)
-    K = np.tile([[122.0, 0, 122.0], [0, 122.0, 122.0], [0, 0, 1]], (4, 1, 1))
+    names, T, K = write_room_shots(tmp_path)
     views = CapturedViews(images=names, sizes_px=np.full((4, 2), 244), K_px=K, T_world_camera=T)
     scene = save_scene(small_room(), None, tmp_path / "room", views=views)
     export_scene(scene, kind, tmp_path / "out", tmp_path / "images")
@@ -224,6 +247,54 @@ def test_exported_cameras_come_back_with_their_poses_and_lenses(
     order = [again.images.index(Path(name).name) for name in names]
     moved = np.linalg.inv(again.T_world_camera[order[0]]) @ again.T_world_camera[order]
     np.testing.assert_allclose(moved, np.linalg.inv(T[0]) @ T, atol=1e-6)
+
+
+def test_depth_images_tell_the_scale_and_are_moved_with_the_map(tmp_path: Path) -> None:
+    pytest.importorskip("pycolmap", reason="pycolmap is not installed")
+    names, T, _ = write_room_shots(tmp_path)
+    rays = np.dstack([*((np.mgrid[:61, :61][::-1] + 0.5) * 4 / 122 - 1), np.ones((61, 61))]) + 1e-9
+    frames = []
+    for number, name in enumerate(names):
+        x, up, ahead = T[number, :3, 3][[0, 2, 1]]
+        to_wall_m = np.where(rays > 0, [2, 1.5, 2.5], [-2, -1.5, -2.5]) - [x, -up, ahead]
+        depth_m = (to_wall_m / rays).min(axis=2)
+        png(tmp_path / "depth" / f"{number}.png", np.rint(1000 * depth_m).astype(np.uint16))
+        opengl = T[number] @ np.diag([1.0, -1.0, -1.0, 1.0])
+        opengl[:3, 3] *= 0.5
+        row = {"file_path": f"images/{name}", "depth_file_path": f"depth/{number}.png"}
+        frames.append({**row, "transform_matrix": opengl.tolist()})
+    lens = {"fl_x": 122.0, "fl_y": 122.0, "cx": 122.0, "cy": 122.0, "w": 244, "h": 244}
+    written(tmp_path, {**lens, "frames": frames})
+    config = ReconstructorConfig(poses=PosesConfig(threads=1))
+    report = find_poses(tmp_path / "transforms.json", tmp_path / "out", config, lambda progress: None)
+    assert report["scale"]["source"] == "the device (depth images of transforms.json)"
+    assert report["scale"]["metres_per_unit"] == pytest.approx(2.0, rel=0.01)
+    assert report["depth"]["images"] == 4
+    assert report["depth"]["longer_than_map"] == pytest.approx(1.0)
+    assert any(note.startswith("check: depths of the device are ") for note in report["notes"])
+    posed = open_posed(tmp_path / "out" / "posed", tmp_path / "undistorted")
+    points_m, _ = points_of_depths(posed, (0, 1, 2, 3), 10_000)
+    # Floor and ceiling are 3 m apart, and level.
+    heights_m = np.sort(points_m[:, 2])
+    assert len(points_m) > 1000
+    assert np.median(heights_m[-100:]) - np.median(heights_m[:100]) == pytest.approx(3.0, abs=0.05)
+    without = ReconstructorConfig(frames=FramesConfig(depth=False))
+    with pytest.raises(ConfigError, match="Nothing tells the scale"):
+        find_poses(tmp_path / "transforms.json", tmp_path / "other", without, lambda progress: None)
+
+
+def test_depths_tell_the_scale_of_poses_that_have_none_and_check_others() -> None:
+    ratio = DepthRatio(units_per_metre=0.8, spread=0.02, sightings=90, images=7)
+    frames = {"what": "Polycam", "metric": True, "depths": 9}
+    assert device_of(frames, ratio).metres_per_unit == 1.0
+    assert device_of(frames, ratio).name == "Polycam"
+    scaled = device_of({**frames, "metric": False}, ratio)
+    assert (scaled.metric, scaled.metres_per_unit, scaled.name) == (True, 1.25, "depth images of Polycam")
+    assert not device_of({**frames, "metric": False}).metric
+    numbers = _depth_numbers(frames, ratio, 1.0)
+    assert (numbers["images"], numbers["sightings"], numbers["longer_than_map"]) == (9, 90, 1.25)
+    assert numbers["note"] == "check: depths of the device are +25.0 % longer than those of 90 points in 7 images"
+    assert "not used: too few points" in _depth_numbers(frames, None, 1.0)["note"]
 
 
 def test_names_of_a_colmap_source_are_those_of_its_model_and_masks_are_of_these(tmp_path: Path) -> None:

@@ -3,8 +3,10 @@ from pathlib import Path
 import pytest
 
 from readygo.common.errors import SceneError
+from readygo.services.reconstructor.given import depth
 from readygo.services.reconstructor.job import open_source
-from tests.services.reconstructor.given import test_find
+from readygo.services.reconstructor.stages import identity_of
+from tests.services.reconstructor.given import test_find, test_record3d
 from tests.services.reconstructor.synthetic import photos
 
 
@@ -64,3 +66,18 @@ def test_missing_image_of_a_colmap_source_is_named_at_once(tmp_path: Path) -> No
     (folder / "images" / "2.jpg").unlink()
     with pytest.raises(SceneError, match=r"lacks 1 images of its COLMAP model, .*/2\.jpg among them"):
         open_source(folder)
+
+
+def test_identity_of_a_capture_holds_its_depths_and_what_cannot_be_read_yet(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    metadata, _ = test_record3d.export(tmp_path)
+    before = open_source(tmp_path).identity
+    (tmp_path / "depth").mkdir()
+    (tmp_path / "depth" / "0.exr").write_bytes(b"depths")
+    monkeypatch.setattr(depth, "is_installed", lambda module: False)
+    without = open_source(tmp_path).identity
+    assert without == (*before, *identity_of([tmp_path / "depth" / "0.exr"]), ("OpenEXR", 0, 0))
+    monkeypatch.setattr(depth, "is_installed", lambda module: True)
+    assert open_source(tmp_path).identity == without[:-1]
+    assert metadata.name in {name for name, _, _ in before}

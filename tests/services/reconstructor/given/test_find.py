@@ -10,6 +10,7 @@ from readygo.services.reconstructor.frames.config import FramesConfig
 from readygo.services.reconstructor.given.find import prepare_capture, read_capture
 from tests.services.reconstructor.given import test_polycam, test_record3d
 from tests.services.reconstructor.given.known import write_images
+from tests.services.reconstructor.given.test_depth import png, slope_mm
 from tests.services.reconstructor.given.test_transforms import FRAMES, LENS, written
 
 
@@ -153,3 +154,18 @@ def test_image_with_two_poses_is_named(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=r"transforms\.json has 1 images twice or more, 0\.png among them"):
         prepare_capture(given, tmp_path / "out", FramesConfig())
     assert not (tmp_path / "out").exists()
+
+
+def test_depth_images_are_written_beside_the_images_unless_they_are_not_wanted(tmp_path: Path) -> None:
+    folder = test_polycam.export(tmp_path / "p")
+    for row in range(3):
+        png(folder / "keyframes" / "depth" / f"100{row}.png", slope_mm())
+    given = read_capture(folder)
+    assert given is not None
+    found = prepare_capture(given, tmp_path / "out", FramesConfig())
+    assert (found["depths"], found["notes"]) == (3, ["depth images of 1 of 4 images are missing, broken or empty"])
+    names = sorted(path.name for path in (tmp_path / "out" / "depth").iterdir())
+    assert names == ["1000.jpg.png", "1001.jpg.png", "1002.jpg.png"]
+    found = prepare_capture(given, tmp_path / "without", FramesConfig(depth=False))
+    assert (found["depths"], found["notes"]) == (0, [])
+    assert not (tmp_path / "without" / "depth").exists()

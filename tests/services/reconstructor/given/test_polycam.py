@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from readygo.common.errors import SceneError
+from readygo.services.reconstructor.given.depth import DepthFile
 from readygo.services.reconstructor.given.polycam import check_polycam, find_polycam, read_polycam
 from tests.services.reconstructor.given.known import (
     ARKIT_POINT_M,
@@ -78,3 +79,18 @@ def test_broken_cameras_are_refused_in_one_line(tmp_path: Path, change: dict[str
     file.write_text(json.dumps({**json.loads(file.read_text()), **change}))
     with pytest.raises(SceneError, match=words):
         read_polycam(*found)
+
+
+def test_depth_images_and_confidences_belong_to_their_images(tmp_path: Path) -> None:
+    found = find_polycam(export(tmp_path))
+    assert found is not None
+    assert read_polycam(*found).depth == (None,) * 4
+    for folder, names in {"depth": (0, 2), "confidence": (2,)}.items():
+        write_images(tmp_path / "keyframes" / folder, [f"100{row}.png" for row in names])
+    first, second, third, last = read_polycam(*found).depth
+    place = tmp_path / "keyframes"
+    assert first == DepthFile(path=place / "depth" / "1000.png", far_m=5.0)
+    assert third == DepthFile(
+        path=place / "depth" / "1002.png", confidence=place / "confidence" / "1002.png", far_m=5.0
+    )
+    assert (second, last) == (None, None)

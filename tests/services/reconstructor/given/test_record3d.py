@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from readygo.common.errors import SceneError
+from readygo.services.reconstructor.given.depth import DepthFile
 from readygo.services.reconstructor.given.record3d import find_record3d, read_record3d
 from tests.services.reconstructor.given.known import (
     ARKIT_POINT_M,
@@ -67,3 +68,22 @@ def test_broken_files_are_refused_in_one_line(tmp_path: Path, change: dict[str, 
     with pytest.raises(SceneError, match=words) as error:
         read_record3d(*export(tmp_path, **change))
     assert "\n" not in str(error.value)
+
+
+def test_depths_are_beside_the_images_or_among_them(tmp_path: Path) -> None:
+    found = export(tmp_path)
+    (tmp_path / "depth").mkdir()
+    (tmp_path / "depth" / "2.exr").touch()
+    assert read_record3d(*found).depth == (
+        None,
+        None,
+        DepthFile(path=tmp_path / "depth" / "2.exr", far_m=5.0),
+        None,
+    )
+    (tmp_path / "rgb").rename(tmp_path / "rgbd")
+    (tmp_path / "depth" / "2.exr").unlink()
+    for name in ("1.depth", "1.conf", "3.depth"):
+        (tmp_path / "rgbd" / name).touch()
+    _, second, _, last = read_record3d(found[0], tmp_path / "rgbd").depth
+    assert second == DepthFile(path=tmp_path / "rgbd" / "1.depth", confidence=tmp_path / "rgbd" / "1.conf", far_m=5.0)
+    assert last == DepthFile(path=tmp_path / "rgbd" / "3.depth", far_m=5.0)

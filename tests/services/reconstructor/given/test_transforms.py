@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from readygo.common.errors import SceneError
+from readygo.services.reconstructor.given.depth import DepthFile
 from readygo.services.reconstructor.given.transforms import read_transforms
 from tests.services.reconstructor.given.known import (
     CX,
@@ -128,3 +129,10 @@ def test_fisheye_of_instant_ngp_names_no_model(tmp_path: Path) -> None:
     assert capture.lenses[0].params == (FX, FY, CX, CY, *k.values())
     capture = read_transforms(written(tmp_path, {**LENS, **k, "is_fisheye": False, "frames": FRAMES}))
     assert capture.lenses[0].model == "FULL_OPENCV"
+
+
+def test_depth_images_are_those_that_frames_name(tmp_path: Path) -> None:
+    write_images(tmp_path / "depths", ["1.png"])
+    frames = [{**frame, "depth_file_path": f"depths/{row}.png"} for row, frame in enumerate(FRAMES[:3])]
+    capture = read_transforms(written(tmp_path, {**LENS, "frames": [*frames, FRAMES[3]]}))
+    assert capture.depth == (None, DepthFile(path=tmp_path / "depths" / "1.png"), None, None)

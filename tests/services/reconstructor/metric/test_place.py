@@ -164,3 +164,13 @@ def test_up_of_a_device_holds_where_cameras_were_not_held_level() -> None:
     up = place_map(bare, [], [], config, Device(up=some_similarity().R[:, 2])).floor.up
     np.testing.assert_allclose(up, some_similarity().R[:, 2], atol=1e-9)
     assert place_map(bare, [], [], config).floor.up @ some_similarity().R[:, 2] < 0.9
+
+
+def test_depths_of_a_device_tell_the_scale_of_poses_without_one_and_are_checked() -> None:
+    device = Device(name="depth images of x", metric=True, metres_per_unit=1.0 / some_similarity().scale)
+    placed = place_map(IMAGES, [], [], MetricConfig(), device)
+    assert placed.scale.source == "the device (depth images of x)"
+    assert placed.scale.metres_per_unit == 1.0 / some_similarity().scale
+    marked = place_map(IMAGES, SEEN, [], MetricConfig(marker_size_m=0.2), device)
+    note = next(note for note in marked.warnings if "than by the device" in note)
+    assert abs(float(note.split()[3])) < 0.2

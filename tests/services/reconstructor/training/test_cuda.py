@@ -90,12 +90,13 @@ def test_steps_are_those_of_the_cpu(photos: PhotoStore, settings: GaussiansConfi
         assert np.mean(np.abs(found.values[name] - value) > 0.02 * moved) < 0.01, name
 
 
-def test_masks_are_those_of_the_cpu(write_posed: Write, tmp_path: Path) -> None:
+def test_masks_and_depths_are_those_of_the_cpu(write_posed: Write, tmp_path: Path) -> None:
     folder, mask = write_posed(tmp_path / "posed"), np.full(SIZE_PX, 255, np.uint8)
     mask[5:25, 10:30] = 0
-    (folder / "masks").mkdir()
-    for number in range(VIEWS):
-        cv2.imwrite(str(folder / "masks" / f"{number}.png.png"), mask)
+    for kind, image in {"masks": mask, "depth": np.full(SIZE_PX, 2100, np.uint16)}.items():
+        (folder / kind).mkdir()
+        for number in range(VIEWS):
+            cv2.imwrite(str(folder / kind / f"{number}.png.png"), image)
     photos = PhotoStore(open_posed(folder, tmp_path / "undistorted"), tuple(range(VIEWS)), 1000, 1)
     engines = [loaded(CpuEngine(SURFACES)), loaded(in_cuda(SURFACES))]
     one = engines[0].views(photos, tasks(SURFACES), 0)

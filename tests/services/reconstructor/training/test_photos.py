@@ -221,3 +221,27 @@ def test_photos_are_read_as_they_lie_in_the_file_and_exif_does_not_turn_them(
     posed = open_posed(distorted(folder) if bent else folder, tmp_path / "undistorted")
     rgb = PhotoStore(posed, (1,), 1000, 1)[1].rgb
     assert rgb[0, :, :30].max() < 0.2 < 0.8 < rgb[0, 8:-8, -6:].min()
+
+
+def test_depths_have_the_size_of_their_photo(write_posed: Write, tmp_path: Path) -> None:
+    folder = write_posed(tmp_path / "posed")
+    assert open_posed(folder, tmp_path / "undistorted").depths is None
+    (folder / "depth").mkdir()
+    steps = np.where(np.arange(12) < 6, 1500, 0).astype(np.uint16)
+    cv2.imwrite(str(folder / "depth" / "1.png.png"), np.tile(steps, (9, 1)))
+    posed = open_posed(folder, tmp_path / "undistorted")
+    store = PhotoStore(posed, (0, 1), 1000, 1)
+    assert store[0].depth_m is None
+    depth_m = store[1].depth_m
+    assert depth_m is not None
+    assert depth_m.shape == SIZE_PX
+    np.testing.assert_allclose(depth_m, np.tile(np.where(np.arange(48) < 24, 1.5, 0.0), (36, 1)), rtol=1e-6)
+    small = PhotoStore(posed, (1,), 1000, 2)[1].depth_m
+    np.testing.assert_allclose(small, depth_m[::2, ::2], rtol=1e-6)
+    distorted(folder)
+    again = PhotoStore(open_posed(folder, tmp_path / "undistorted"), (0, 1), 1000, 1)
+    bent_m = again[1].depth_m
+    assert again[0].depth_m is None
+    assert bent_m is not None
+    np.testing.assert_allclose(np.unique(bent_m), [0.0, 1.5], rtol=1e-6)
+    assert photos.bytes_of(posed) == photos.bytes_of(dataclasses.replace(posed, depths=None)) + 2

@@ -11,7 +11,7 @@ from readygo.services.reconstructor.training.neighbours import Side
 from readygo.services.reconstructor.training.photos import Photo
 from readygo.services.reconstructor.training.planes import rays_of
 from readygo.services.reconstructor.training.surface_slopes import PlaneView, surface_slopes
-from readygo.services.reconstructor.training.surfaces import GREY, between, normals_within
+from readygo.services.reconstructor.training.surfaces import GREY, between, normals_within, off_measured
 
 SIZE_PX = (30, 40)
 K = np.array([[50.0, 0.0, 20.5], [0.0, 48.0, 15.0], [0.0, 0.0, 1.0]])
@@ -129,3 +129,39 @@ def test_ignored_pixels_have_no_part_in_the_losses() -> None:
     assert loss == 0.0
     assert by_other is not None
     assert not by_other.any()
+
+
+MEASURED = replace(NORMALS, normal=0.0, depth=1.0)
+
+
+def with_depths(view: PlaneView) -> PlaneView:
+    """The view with measured depths of about 3 m, and a quarter that was not measured."""
+    depth_m = np.random.default_rng(4).uniform(2.0, 4.0, SIZE_PX).astype(np.float32)
+    depth_m[:15, :20] = 0.0
+    return replace(view, photo=replace(view.photo, depth_m=depth_m))
+
+
+@pytest.mark.parametrize("masks", [False, True])
+def test_loss_of_measured_depths_is_that_which_torch_derives(masks: bool) -> None:
+    one = with_depths(views()[0])
+    if masks:
+        one = masked(one, slice(4, 27), slice(9, 32))
+    here = side_in_float64(one)
+    wanted = off_measured(here, torch.tensor(one.photo.depth_m).double(), MEASURED)
+    wanted.backward()
+    loss, by_planes, _ = surface_slopes(one, None, alpha(), MEASURED, np.random.default_rng(0))
+    assert loss == pytest.approx(float(wanted.detach()), rel=1e-5)
+    assert here.planes.grad is not None
+    exact = here.planes.grad.permute(2, 0, 1).numpy()
+    np.testing.assert_allclose(by_planes, exact, atol=1e-5 * float(np.abs(exact).max()))
+    assert not by_planes[:, :15, :20].any()
+    assert by_planes[:, 28:, :].any()
+    assert by_planes[:, 10:25, 25:30].any() != masks
+
+
+def test_depth_that_is_measured_nowhere_has_no_loss() -> None:
+    one = with_depths(views()[0])
+    nothing = replace(one, photo=replace(one.photo, depth_m=np.zeros(SIZE_PX, np.float32)))
+    loss, by_planes, _ = surface_slopes(nothing, None, alpha(), MEASURED, np.random.default_rng(0))
+    assert loss == 0.0
+    assert not by_planes.any()

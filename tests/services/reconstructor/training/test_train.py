@@ -201,3 +201,21 @@ def test_refused_model_leaves_a_folder_of_the_user_as_it_was(tmp_path: Path) -> 
     with pytest.raises(SceneError, match="needs images/ and a COLMAP model"):
         train_gaussians(tmp_path / "nothing", home, GaussiansConfig(), lambda _: None)
     assert [path.name for path in home.iterdir()] == [".conf"]
+
+
+def test_measured_depths_are_where_gaussians_begin_and_another_depth_is_another_training(
+    write_posed: Write, tmp_path: Path
+) -> None:
+    posed, settings = write_posed(tmp_path / "posed"), replace(SURFACES, steps=1)
+    bare = train_gaussians(posed, tmp_path / "bare", settings, silent)
+    (posed / "depth").mkdir()
+    for number in range(6):
+        cv2.imwrite(str(posed / "depth" / f"{number}.png.png"), np.full((36, 48), 2000, np.uint16))
+    first = train_gaussians(posed, tmp_path / "out", settings, silent)
+    assert bare["gaussians"] == 150
+    assert 150 < first["gaussians"] <= 200
+    begun = read_gaussians(tmp_path / "out" / "gaussians.ply").means_m[150:]
+    assert np.abs(begun[:, 2] - 2.0).max() < 0.02
+    assert train_gaussians(posed, tmp_path / "out", settings, silent)["identity"] == first["identity"]
+    cv2.imwrite(str(posed / "depth" / "3.png.png"), np.full((36, 48), 1900, np.uint16))
+    assert train_gaussians(posed, tmp_path / "out", settings, silent)["identity"] != first["identity"]
