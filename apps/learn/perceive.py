@@ -78,7 +78,7 @@ CAMERA_HZ = 5.0
 DISTURBED = 0.7
 """Share of the expert's episodes with noise injection: perception must know views off the expert's way."""
 FIRST_EPISODES = 24
-"""First episodes of a data folder, which tell how long one takes."""
+"""First episodes of a data folder, which tell about how long one takes; fewer than so many are not recorded after."""
 CROWD: MixName = "crowd"
 """Scenario mix of half of the data: more humans in an image."""
 VAL_EPISODES = 30
@@ -248,6 +248,7 @@ def _learn(
         "format": FORMAT,
         "scenes": [open_scene(scene).content_hash for scene in plan.scenes],
         "episodes": {},
+        "recording_s": {},
         "minutes": 0.0,
         "variants": variants_of(plan.minutes),
         **read_state(plan),
@@ -382,26 +383,33 @@ def _val_rates(
 
 
 def _record(plan: PerceivePlan, spec: RunSpec, name: str, budget_s: float, state: dict[str, Any], show: Show) -> None:
-    """Record one data folder: a few episodes, then as many as there is time for.
+    """Record one data folder: a few episodes, then again and again as many as there seems to be time for.
 
-    Where the first ones were interrupted, as many again tell how long one takes.
+    The first ones also have the time in them in which processes start and kernels are compiled, and tell too little.
+    An interrupted recording continues with the episodes that it was at.
     """
-    folder, done = plan.out / "data" / name, state["episodes"].get(name)
-    wanted = count_recorded(folder) + FIRST_EPISODES if done is None else int(done)
+    folder, goals, spent = plan.out / "data" / name, state["episodes"], state["recording_s"]
 
     def tell(status: StatusReply) -> None:
         show(Step(name="recording", fraction=status.committed / max(status.wanted, 1), words=name))
 
     with _counted(plan, state):
-        begin_s = time.monotonic()
-        record(spec, folder, episodes=wanted, workers=workers_of(plan), show=tell)
-        spent_s = time.monotonic() - begin_s
-        if done is None:
-            # The time of the first episodes has the start of the processes in it, as has that of the others.
-            wanted = max(wanted, round(FIRST_EPISODES * budget_s / max(spent_s, 1e-3)))
-            state["episodes"][name] = wanted
+        if name not in goals or name in spent:
+            goals[name] = max(goals.get(name, 0), count_recorded(folder) + FIRST_EPISODES)
+            spent.setdefault(name, 0.0)
+        while True:
             _write_state(plan, state)
-            record(spec, folder, episodes=wanted, workers=workers_of(plan), show=tell)
+            had, begin_s = count_recorded(folder), time.monotonic()
+            record(spec, folder, episodes=goals[name], workers=workers_of(plan), show=tell)
+            if name not in spent:
+                return
+            took_s = max(time.monotonic() - begin_s, 1e-3)
+            spent[name] += took_s
+            more = round((goals[name] - had) / took_s * (budget_s - spent[name]))
+            if more < FIRST_EPISODES:
+                del spent[name]
+                return
+            goals[name] += more
 
 
 def _train(plan: PerceivePlan, folders: list[Path], state: dict[str, Any], show: Show) -> dict[str, Any]:

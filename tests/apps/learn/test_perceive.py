@@ -2,13 +2,12 @@ import dataclasses
 import json
 from pathlib import Path
 from types import SimpleNamespace
-from typing import IO
+from typing import IO, Any
 
 import pytest
 
 from readygo.apps.learn import perceive as module
 from readygo.apps.learn.perceive import (
-    FIRST_EPISODES,
     RECORD_SHARE,
     STATE_FILE,
     PerceivePlan,
@@ -23,6 +22,7 @@ from readygo.apps.learn.plan import lock_folder
 from readygo.apps.report.perception import reason
 from readygo.common.camera import CameraConfig
 from readygo.common.errors import ConfigError, RunError
+from readygo.common.messages import RunSpec
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.ranges import RobotRanges
 from readygo.runs.config import config_of, load_run_config, with_mix
@@ -104,17 +104,30 @@ def test_folder_of_something_else_is_refused(tmp_path: Path) -> None:
         check_plan(plan_of(tmp_path))
 
 
+COUNTS = (24, 70, 172, 206)
+"""Episodes of a folder after each recording, where 105 s are for it: 36, 57.5, 93 and 111.5 s are spent then."""
+
+
 @pytest.fixture
 def steps(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, object]]:
-    """What is asked of recording, training and test; ten seconds pass at each recording."""
+    """What is asked of recording, training and test.
+
+    The first recording in a folder begins after 30 s, others after 10 s; an episode takes 0.25 s, a training a minute.
+    """
     asked: list[tuple[str, object]] = []
-    clock = iter(range(0, 10_000, 10))
-    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: float(next(clock))))
+    recorded: dict[str, int] = {}
+    now_s = [0.0]
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
+    monkeypatch.setattr(module, "count_recorded", lambda folder: recorded.get(folder.name, 0))
 
     def record(spec: object, folder: Path, *, episodes: int, workers: int, show: object) -> None:
         asked.append(("record", (folder.name, episodes)))
+        had = recorded.get(folder.name, 0)
+        now_s[0] += (10.0 if had else 30.0) + 0.25 * (episodes - had)
+        recorded[folder.name] = episodes
 
     def train(folders: list[Path], config: object, out: Path, *, scenes: object, show: object) -> dict[str, object]:
+        now_s[0] += 60.0
         asked.append(("train", ([folder.name for folder in folders], config.minutes)))  # type: ignore[attr-defined]
         return METRICS
 
@@ -159,30 +172,31 @@ def rl(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
 def test_half_of_the_data_are_crowds_of_varied_people(
     tmp_path: Path, steps: list[tuple[str, object]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    specs = []
-    monkeypatch.setattr(module, "record", lambda spec, folder, **_: specs.append(spec))
+    specs = {}
+    do_record = module.record
+
+    def record(spec: RunSpec, folder: Path, **more: Any) -> None:
+        specs[folder.name] = spec
+        do_record(spec, folder, **more)
+
+    monkeypatch.setattr(module, "record", record)
     plan = plan_of(tmp_path / "run")
     learn_to_perceive(plan, episodes=0)
-    configs = [config_of(spec) for spec in specs[::2]]
+    configs = [config_of(spec) for spec in specs.values()]
     assert [config.human_planner for config in configs] == [
         plan.config.human_planner,
         with_mix(plan.config, "crowd").human_planner,
     ]
     assert [config.episode.human_count_min for config in configs] == [plan.config.episode.human_count_min, 2]
-    assert {spec.avatars_path for spec in specs} == {str(plan.people)}
+    assert {spec.avatars_path for spec in specs.values()} == {str(plan.people)}
 
 
 def test_time_is_shared_between_recording_and_training(tmp_path: Path, steps: list[tuple[str, object]]) -> None:
     plan = plan_of(tmp_path / "run")
     learned = learn_to_perceive(plan, episodes=2)
-    # The first episodes took ten seconds; half of the data are crowds.
-    wanted = round(FIRST_EPISODES * 300 * RECORD_SHARE / 10)
     name = steps[0][1][0]  # type: ignore[index]
     assert steps == [
-        ("record", (name, FIRST_EPISODES)),
-        ("record", (name, wanted)),
-        ("record", (f"{name}-crowd", FIRST_EPISODES)),
-        ("record", (f"{name}-crowd", wanted)),
+        *(("record", (folder, count)) for folder in (name, f"{name}-crowd") for count in COUNTS),
         ("train", ([name, f"{name}-crowd"], pytest.approx(0.9 * (1 - RECORD_SHARE) * 10))),
         ("test", ("embedded", name, "perceive-and-plan", 2)),
     ]
@@ -214,12 +228,13 @@ def test_folder_in_which_another_process_learns_is_left_alone(tmp_path: Path, st
 def test_run_again_records_as_many_episodes_as_before(tmp_path: Path, steps: list[tuple[str, object]]) -> None:
     plan = plan_of(tmp_path / "run")
     learn_to_perceive(plan, episodes=0)
-    wanted, minutes = [steps[1], steps[3]], read_state(plan)["minutes"]
+    name = steps[0][1][0]  # type: ignore[index]
+    minutes = read_state(plan)["minutes"]
     steps.clear()
     check_plan(plan)
     learned = learn_to_perceive(plan, episodes=0)
     assert [name for name, _ in steps] == ["record", "record", "train"]
-    assert steps[:2] == wanted
+    assert steps[:2] == [("record", (name, COUNTS[-1])), ("record", (f"{name}-crowd", COUNTS[-1]))]
     assert learned.minutes > minutes
     assert not learned.replies
 
@@ -337,31 +352,49 @@ def test_report_names_the_commands_that_come_next(tmp_path: Path, steps: list[tu
 
 def test_progress_is_told(tmp_path: Path, steps: list[tuple[str, object]], monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[Step] = []
+    do_record = module.record
 
-    def record(spec: object, folder: Path, *, episodes: int, workers: int, show: object) -> None:
-        show(SimpleNamespace(committed=episodes // 2, wanted=episodes))  # type: ignore[operator]
+    def record(spec: RunSpec, folder: Path, **more: Any) -> None:
+        more["show"](SimpleNamespace(committed=more["episodes"] // 2, wanted=more["episodes"]))
+        do_record(spec, folder, **more)
 
     monkeypatch.setattr(module, "record", record)
     learn_to_perceive(plan_of(tmp_path / "run"), episodes=0, show=told.append)
-    assert [(step.name, step.fraction) for step in told] == [("recording", 0.5)] * 4 + [("reinforcement", 1.0)]
+    assert [(step.name, step.fraction) for step in told] == [("recording", 0.5)] * 8 + [("reinforcement", 1.0)]
 
 
-def test_interrupted_first_episodes_are_followed_by_as_many_again_which_tell_how_long_one_takes(
-    tmp_path: Path, steps: list[tuple[str, object]], monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("before", "next_goal"), [(20, 44), (24, 48), (30, 70), (60, 84)])
+def test_interrupted_recording_continues_with_its_episodes_or_at_least_some_more(
+    before: int, next_goal: int, tmp_path: Path, steps: list[tuple[str, Any]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "count_recorded", lambda folder: 0 if folder.name.endswith("-crowd") else 20)
-    learn_to_perceive(plan_of(tmp_path / "run"), episodes=0)
-    # The 24 of this command took ten seconds.
-    wanted = round(FIRST_EPISODES * 300 * RECORD_SHARE / 10)
-    counts = [asked[1] for name, asked in steps if name == "record"]  # type: ignore[index]
-    assert counts == [20 + FIRST_EPISODES, wanted, FIRST_EPISODES, wanted]
+    plan, do_record = plan_of(tmp_path / "run"), module.record
+
+    def record(spec: RunSpec, folder: Path, *, episodes: int, **more: Any) -> None:
+        do_record(spec, folder, episodes=min(episodes, before), **more)
+        if episodes >= before:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(module, "record", record)
+    with pytest.raises(KeyboardInterrupt):
+        learn_to_perceive(plan, episodes=0)
+    steps.clear()
+    monkeypatch.setattr(module, "record", do_record)
+    learn_to_perceive(plan, episodes=0)
+    counts = [asked[1] for name, asked in steps if name == "record"]
+    assert counts[0] == next_goal
+    # The other folder was not begun.
+    assert tuple(counts[-4:]) == COUNTS
+    assert 150 < counts[-5] < 350
 
 
 @pytest.mark.parametrize("part", ["record", "train_perception"])
 def test_time_before_an_interruption_is_counted(
     tmp_path: Path, steps: list[tuple[str, object]], monkeypatch: pytest.MonkeyPatch, part: str
 ) -> None:
-    def interrupt(*_: object, **more: object) -> None:
+    done = getattr(module, part)
+
+    def interrupt(*given: Any, **more: Any) -> None:
+        done(*given, **more)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(module, part, interrupt)
