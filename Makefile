@@ -4,10 +4,12 @@ PYTHON ?= $(firstword $(shell command -v python3.11 python3.12 python3.13 python
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
-TRAIN := $(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["train"])'
+# Prints the packages of the extras that are named.
+PACKAGES := $(BIN)/python -c 'import sys, tomllib; extras = tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]; print(*(package for name in sys.argv[1:] for package in extras[name]))'
 # Many tests wait for processes that they started: three at a time keep two cores busy.
 TEST_WORKERS ?= 3
-# What is installed: what the commands need, or what developers need as well.
+# What is installed: readygo without extras, what the commands need, or what developers need as well.
+BASE := $(VENV)/.base
 RUNTIME := $(VENV)/.runtime
 DEV := $(VENV)/.dev
 # One numba and BLAS thread per process: the work is parallel by processes.
@@ -17,13 +19,12 @@ export NUMBA_NUM_THREADS := 1
 # Byte code is kept, whatever the environment says: the tests start many processes, each of which would compile all modules.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test check mutants bench golden docs setup
+.PHONY: demo test check mutants bench golden docs setup kernels
 
 demo: $(RUNTIME)  ## Run the whole job on the embedded scene; writes demo/report.html and demo/episode.webm
 	$(BIN)/readygo demo
 
-test: $(DEV)  ## Run all tests, the longest files first; kernels are compiled before; the slowest 20 are named
-	$(BIN)/readygo warm --states
+test: $(DEV) kernels  ## Run all tests, the longest files first; kernels are compiled before; the slowest 20 are named
 	$(BIN)/pytest -n $(TEST_WORKERS) --dist loadfile --no-loadscope-reorder --durations=20 --durations-min=1
 
 check: $(DEV)  ## Style, types, import rules, plain words, and a test for every module
@@ -52,15 +53,22 @@ docs: $(DEV)  ## Write site/index.html: guides, commands, messages and the refer
 
 setup: $(DEV)
 
-# Kernels are compiled while the large packages of the extra `train` are fetched; what fails there, the first command does.
-$(RUNTIME): pyproject.toml constraints.txt | $(VENV)
-	$(INSTALL) -e .
-	@$(BIN)/readygo warm 2>$(VENV)/warm.log & $(INSTALL) $$($(TRAIN)); status=$$?; wait; exit $$status
+# Kernels are compiled while the large packages of the extras are fetched; what fails there, the first command does.
+$(RUNTIME): $(BASE)
+	@$(BIN)/readygo warm 2>$(VENV)/warm.log & $(INSTALL) $$($(PACKAGES) train); status=$$?; wait; exit $$status
 	@touch $(RUNTIME)
 
-$(DEV): pyproject.toml constraints.txt | $(VENV)
-	$(INSTALL) -e ".[all,dev]"
+$(DEV): $(BASE)
+	$(INSTALL) $$($(PACKAGES) policy train tls metrics dev)
 	@touch $(RUNTIME) $(DEV)
+
+# Needs no extra: `make -j 2` compiles while it installs them.
+kernels: $(BASE)
+	$(BIN)/readygo warm --states
+
+$(BASE): pyproject.toml constraints.txt | $(VENV)
+	$(INSTALL) -e .
+	@touch $(BASE)
 
 $(VENV):
 	@test -n "$(PYTHON)" || { echo "readygo needs Python 3.11 or newer; name it with make PYTHON=..."; exit 2; }

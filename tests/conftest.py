@@ -3,7 +3,7 @@
 import json
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ import pytest
 from readygo.common.arrays import UInt8Array
 from readygo.common.files import cache_root
 from readygo.common.scenes.embedded import ensure_embedded_scene
+from tests.collection import TurnedFolder, garbage_left_alone, sort_by_file
 from tests.durations import Durations, load_durations, sort_longest_first
 
 GOLDEN = Path(__file__).resolve().parent / "golden"
@@ -49,8 +50,20 @@ def pytest_configure(config: pytest.Config) -> None:
         config.pluginmanager.register(Durations())
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    with garbage_left_alone():
+        return (yield)
+
+
+def pytest_collect_directory(path: Path, parent: pytest.Collector) -> pytest.Dir | None:
+    return TurnedFolder.from_parent(parent, path=path) if hasattr(parent.config, "workerinput") else None
+
+
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     if hasattr(config, "workerinput"):
+        sort_by_file(items)
         sort_longest_first(items, load_durations())
 
 

@@ -16,7 +16,8 @@ CONFIG = """
 height_px = 8
 width_px = 16
 [episode]
-goal_distance_max_m = 4.0
+goal_distance_min_m = 1.5
+goal_distance_max_m = 2.5
 time_limit_s = 8.0
 """
 

@@ -209,8 +209,8 @@ def test_missing_packages_of_an_option_are_said_before_anything_is_made(
 def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("small") / "small.toml"
     path.write_text(
-        "[episode]\ngoal_distance_max_m = 4.0\ntime_limit_s = 3.0\n[robot.camera]\nheight_px = 8\nwidth_px = 10\n"
-        "[driver]\ncamera_hz = 4.0\n"
+        "[episode]\ngoal_distance_min_m = 1.5\ngoal_distance_max_m = 2.5\ntime_limit_s = 3.0\n"
+        "[robot.camera]\nheight_px = 8\nwidth_px = 10\n[driver]\ncamera_hz = 4.0\n"
     )
     return path
 

@@ -18,7 +18,8 @@ from tests.common.policy.artifacts import write_policy
 EPISODES = 5
 CONFIG = """
 [episode]
-goal_distance_max_m = 4.0
+goal_distance_min_m = 1.5
+goal_distance_max_m = 2.5
 time_limit_s = 8.0
 """
 

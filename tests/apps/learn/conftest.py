@@ -20,7 +20,7 @@ EPISODES = 6
 @pytest.fixture(scope="session")
 def tiny(tmp_path_factory: pytest.TempPathFactory) -> LearnPlan:
     out = tmp_path_factory.mktemp("tiny") / "run"
-    episode = EpisodeConfig(goal_distance_max_m=4.0, time_limit_s=4.0)
+    episode = EpisodeConfig(goal_distance_min_m=1.5, goal_distance_max_m=2.5, time_limit_s=4.0)
     config = dataclasses.replace(learn_settings(None, None), robot=ROBOT, episode=episode)
     budget = Budget(minutes=1.0)
     plan = make_plan(("embedded",), out, config, LearnConfig(), budget, avatars=None, seed=0)

@@ -21,7 +21,8 @@ from readygo.runs.origin import origin_of_policy
 
 CONFIG = """
 [episode]
-goal_distance_max_m = 4.0
+goal_distance_min_m = 1.5
+goal_distance_max_m = 2.5
 time_limit_s = 6.0
 human_count_max = 1
 """
@@ -124,7 +125,7 @@ def test_run_that_is_killed_goes_on_with_the_same_command(
     origin = origin_of_policy(policy.spec)
     assert origin is not None
     assert "embedded" in origin.scenes.values()
-    assert origin.settings["episode"]["goal_distance_max_m"] == 4.0
+    assert origin.settings["episode"]["goal_distance_max_m"] == 2.5
     points = load_curve(out / "curve.json")
     assert points[-1].measurement == measurements_of(points)[-1]
     assert [point.minutes for point in points] == sorted(point.minutes for point in points)

@@ -89,11 +89,12 @@ def explore(protocol: Protocol, bounds: Bounds, *, violations_max: int = 1) -> F
             break
         for following in _steps(protocol, world, bounds):
             transitions += 1
-            if following not in seen:
-                seen[following] = len(worlds)
+            # One look-up: to hash a world takes longer than to make it.
+            place = seen.setdefault(following, len(worlds))
+            if place == len(worlds):
                 worlds.append(following)
                 parents.append([])
-            parents[seen[following]].append(number)
+            parents[place].append(number)
     stuck = 0 if violations else _stuck(worlds, parents, bounds)
     return Found(len(seen), transitions, finished, tuple(violations), stuck)
 
