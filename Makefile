@@ -4,8 +4,6 @@ PYTHON ?= $(firstword $(shell command -v python3.11 python3.12 python3.13 python
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
-# Prints the packages of the extras that are named.
-PACKAGES := $(BIN)/python -c 'import sys, tomllib; extras = tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]; print(*(package for name in sys.argv[1:] for package in extras[name]))'
 # Many tests wait for processes that they started: three at a time keep two cores busy.
 TEST_WORKERS ?= 3
 # What is installed: readygo without extras, what the commands need, or what developers need as well.
@@ -53,13 +51,14 @@ docs: $(DEV)  ## Write site/index.html: guides, commands, messages and the refer
 
 setup: $(DEV)
 
-# Kernels are compiled while the large packages of the extras are fetched; what fails there, the first command does.
+# Kernels are compiled while the large packages of the extras are fetched, readygo itself being there; what fails, the
+# first command does.
 $(RUNTIME): $(BASE)
-	@$(BIN)/readygo warm 2>$(VENV)/warm.log & $(INSTALL) $$($(PACKAGES) train); status=$$?; wait; exit $$status
+	@$(BIN)/readygo warm 2>$(VENV)/warm.log & $(INSTALL) "readygo[train]"; status=$$?; wait; exit $$status
 	@touch $(RUNTIME)
 
 $(DEV): $(BASE)
-	$(INSTALL) $$($(PACKAGES) policy train tls metrics dev)
+	$(INSTALL) "readygo[all,dev]"
 	@touch $(RUNTIME) $(DEV)
 
 # Needs no extra: `make -j 2` compiles while it installs them.
