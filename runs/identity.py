@@ -37,7 +37,7 @@ def identity(spec: RunSpec) -> dict[str, Any]:
         "config": config,
         **({"stages": hashlib.sha256(stages).hexdigest()} if stages else {}),
         **({"policy": spec.policy.sha256, "mix": spec.policy.mix} if spec.policy else {}),
-        **({"teacher": spec.teacher.sha256} if spec.teacher else {}),
+        **({"teacher": spec.teacher.name} if spec.teacher else {}),
     }
 
 
@@ -53,7 +53,7 @@ def numeric_class(config: RunConfig, policy: PolicyRef | None = None, teacher: T
     Args:
         config: All settings.
         policy: Policy that drives besides the expert; None without one. The runtime of its graphs counts as well.
-        teacher: State policy in the expert's place; None without one. NumPy's matrix products count as well.
+        teacher: Teacher in the expert's place; None without one. NumPy's matrix products count as well.
 
     Raises:
         ReadygoError: If backend or policy cannot run on this machine.

@@ -10,8 +10,9 @@ from readygo.common.episode.loop import Driver
 from readygo.common.errors import PolicyError
 from readygo.common.maps.occupancy import GROUND_CLEARANCE_M
 from readygo.common.maps.ros_map import load_unknown_cells
+from readygo.common.messages import TeacherKind
 from readygo.common.perception import Perception, load_perception
-from readygo.common.perception.noise import PERCEIVED, PerceptionNoise
+from readygo.common.perception.noise import PERCEIVED
 from readygo.common.policy import check_policy_camera, check_policy_limits, load_policy
 from readygo.common.policy.artifact import SPEC_FILE
 from readygo.common.policy.driver import PolicyDriver
@@ -34,7 +35,7 @@ from readygo.services.evaluator import (
     SplatNavDriver,
     load_custom_method,
 )
-from readygo.services.planner import ExpertDriver, PerceivingDriver, RobotPlanner, TrackedDriver, expert_recipe
+from readygo.services.planner import ExpertDriver, PerceivingDriver, RobotPlanner, expert_recipe
 
 CHECKPOINTS = Path("checkpoints")
 VID2SIM, RL = "vid2sim", "rl"
@@ -44,7 +45,7 @@ PERCEIVE_AND_ACT = "perceive-and-act"
 """The state policy `rl` among the people that this network sees."""
 PERCEPTION = "perception"
 """Folder of the network that perceives, in the folder of weights and policies."""
-EXPERT_TRACKED = "expert-tracked"
+EXPERT_TRACKED = TeacherKind.EXPERT_TRACKED.value
 """The expert that knows people by tracks of what a network would tell of those in view."""
 EXPERT_KINDS = {"expert-paper": "paper", "expert-oracle": "oracle", "expert-blind": "blind"}
 """Experts of other recipes: the paper's, one that knows where all people walk, and one that sees none."""
@@ -139,7 +140,9 @@ def named_methods(
         "social-force": lambda _: SocialForceDriver(),
         "gaussnav": lambda _: DiscretePlannerDriver(),
         "splat-nav": lambda _: SplatNavDriver(_splat_map(world)),
-        EXPERT_TRACKED: lambda _: _tracked(world, PERCEIVED),
+        EXPERT_TRACKED: lambda _: ExpertDriver(
+            lambda scenario, _: world.robot_planner.detecting_expert(scenario, PERCEIVED)
+        ),
         PERCEIVE_AND_PLAN: lambda evaluator: _perceiving(world, checkpoints / PERCEPTION, evaluator),
         PERCEIVE_AND_ACT: lambda evaluator: _acting(world, checkpoints, evaluator),
         VID2SIM: lambda _: _no_mesh_policy(checkpoints / VID2SIM),
@@ -178,11 +181,6 @@ def _expert(world: World, kind: str) -> MakeDriver:
     return lambda _: ExpertDriver(
         RobotPlanner(world.scene.maps, world.avatars, config.robot, config.episode, expert).expert
     )
-
-
-def _tracked(world: World, noise: PerceptionNoise) -> Driver[Any]:
-    planner, velocities = world.robot_planner, noise.measures_velocity
-    return TrackedDriver(noise, lambda episode: planner.tracked_expert(episode.scenario, velocities=velocities))
 
 
 def _perceiving(world: World, folder: Path, evaluator: Evaluator) -> Driver[Any]:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from readygo.common.bus import Bus
+from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.goal import goal_pose
 from readygo.common.episode.robot import robot_of_episode
 from readygo.common.errors import RunError
@@ -25,16 +26,18 @@ from readygo.common.messages import (
     Sample,
     Scenario,
     Stage,
+    TeacherKind,
     decode,
     encode,
 )
 from readygo.common.messages.stages import ANIMATE, DRIVE, EVALUATE, HUMAN_PLAN, RENDER, ROBOT_PLAN
+from readygo.common.perception.noise import PERCEIVED
 from readygo.common.policy.driver import PolicyDriver
 from readygo.common.rasterizer.warm import warm as warm_rasterizer
 from readygo.runs.state_world import state_driver
 from readygo.runs.world import World
 from readygo.services.animator import handle_animate
-from readygo.services.driver import Disturbance, RiskMap, StateTeacher, disturbs, drive, driver_of
+from readygo.services.driver import Disturbance, LabellingExpert, RiskMap, StateTeacher, disturbs, drive, driver_of
 from readygo.services.planner import handle_human_plan, handle_robot_plan
 from readygo.services.renderer import (
     NO_PICTURE,
@@ -142,7 +145,7 @@ def _drive(world: World, bus: Bus) -> Work:
     # If the recorded image rate is below the camera's, a policy decides only when it has a new image.
     hold_steps = None if every > clock.image_every else clock.control_every
     weigher = RiskMap(planner.maps.robot)
-    teacher = state_driver(world, world.teacher) if world.teacher else None
+    labels = _labels(world)
     own = world.spec.policy if world.spec.policy and world.spec.policy.files else None
     if own:
         # Report errors of the policy before any work is claimed.
@@ -161,8 +164,7 @@ def _drive(world: World, bus: Bus) -> Work:
             policy = PolicyDriver(loaded, camera, hold_steps)
         elif disturbs(episode, config.driver.disturbed):
             disturbance = Disturbance(episode, simulation.robot)
-        expert = StateTeacher(teacher, simulation) if teacher else planner.expert(scenario, motions)
-        driven = drive(simulation, expert, weigher, policy, disturbance, camera=camera, image_every=every)
+        driven = drive(simulation, labels(simulation), weigher, policy, disturbance, camera=camera, image_every=every)
         if reason := unclear(renderer, episode, driven.trajectory.xyyaw, config.episode):
             return StageResult(rejected=reason)
         offered = claim.policy.sha256 if claim.policy and policy else ""
@@ -181,6 +183,17 @@ def _drive(world: World, bus: Bus) -> Work:
         return None
 
     return work
+
+
+def _labels(world: World) -> Callable[[EpisodeSimulation], LabellingExpert]:
+    """Makes who labels an episode: the run's teacher, or the expert."""
+    planner, ref = world.robot_planner, world.spec.teacher
+    if ref is not None and ref.kind is TeacherKind.EXPERT_TRACKED:
+        return lambda simulation: planner.detecting_expert(simulation.scenario, PERCEIVED)
+    if world.teacher is None:
+        return lambda simulation: planner.expert(simulation.scenario, simulation.motions)
+    driver = state_driver(world, world.teacher)
+    return lambda simulation: StateTeacher(driver, simulation)
 
 
 def _with_goal(world: World, renderer: Renderer, scenario: Scenario, samples: Iterator[Sample]) -> Iterator[Sample]:

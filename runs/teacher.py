@@ -1,11 +1,15 @@
-"""Runs in which a state policy, the teacher, takes the expert's place: it labels, and drives the expert's episodes."""
+"""Runs in which a teacher takes the expert's place: it labels, and drives the expert's episodes.
+
+It is a state policy, or the expert that knows people by tracks of simulated detections.
+"""
 
 import dataclasses
 from pathlib import Path
 
+from readygo.common.config import section_differences
 from readygo.common.dataset.provenance import TeacherOrigin
-from readygo.common.errors import PolicyError
-from readygo.common.messages import RunSpec, TeacherRef
+from readygo.common.errors import ConfigError, PolicyError
+from readygo.common.messages import RunSpec, TeacherKind, TeacherRef
 from readygo.common.robot import RobotConfig
 from readygo.common.state_policy.robots import robot_difference
 from readygo.common.state_policy.state_policy import (
@@ -20,29 +24,50 @@ from readygo.runs.identity import numeric_class, run_name
 from readygo.runs.policy import file_ref
 
 
-def with_teacher(spec: RunSpec, config: RunConfig, folder: Path) -> RunSpec:
-    """A run in which a state policy takes the expert's place; it may have been trained in another scene.
+def with_teacher(spec: RunSpec, config: RunConfig, teacher: Path) -> RunSpec:
+    """A run in which a teacher takes the expert's place.
 
     Args:
         spec: Spec of a run with the driver stage.
         config: Settings of the run.
-        folder: Folder of the state policy, from `readygo rl`.
+        teacher: Folder of a state policy, from `readygo rl`, which may have been trained in another scene; or
+            "expert-tracked", the expert that knows people by tracks of simulated detections.
 
     Raises:
         PolicyError: If the policy cannot be used, or was trained for another robot.
+        ConfigError: If people cannot be tracked for the run's expert.
     """
-    if not is_state_policy(folder):
-        raise PolicyError(f"--teacher: {folder} holds no state policy; train one: readygo rl SCENE --out {folder}.")
-    trained = load_state_policy(folder).spec
-    _check_robot(trained, config.robot)
-    teacher = teacher_ref(folder)
+    ref = tracked_ref(config) if str(teacher) == TeacherKind.EXPERT_TRACKED.value else _policy_ref(teacher, config)
+    origin = TeacherOrigin(sha256=ref.sha256 if ref.files else "", kind=ref.kind.value)
     metadata = {
         **spec.metadata,
-        "numeric_class": numeric_class(config, spec.policy, teacher),
-        "teacher": dataclasses.asdict(TeacherOrigin(sha256=teacher.sha256)),
+        "numeric_class": numeric_class(config, spec.policy, ref),
+        "teacher": {name: value for name, _, value in section_differences(TeacherOrigin(), origin)},
     }
-    taught = dataclasses.replace(spec, teacher=teacher, metadata=metadata)
+    taught = dataclasses.replace(spec, teacher=ref, metadata=metadata)
     return dataclasses.replace(taught, run=run_name(taught))
+
+
+def _policy_ref(folder: Path, config: RunConfig) -> TeacherRef:
+    """Reference to a state policy that drives a run's robot."""
+    if not is_state_policy(folder):
+        raise PolicyError(f"--teacher: {folder} holds no state policy; train one: readygo rl SCENE --out {folder}.")
+    _check_robot(load_state_policy(folder).spec, config.robot)
+    return teacher_ref(folder)
+
+
+def tracked_ref(config: RunConfig) -> TeacherRef:
+    """Reference to the expert among tracked people.
+
+    Raises:
+        ConfigError: If people cannot be tracked for the run's expert.
+    """
+    if config.expert.mode == "paper":
+        raise ConfigError(
+            f'The teacher {TeacherKind.EXPERT_TRACKED.value} tracks people, and the expert of mode "paper" takes '
+            'bodies: set mode = "spacetime" under [expert].'
+        )
+    return TeacherRef(path="", files=(), kind=TeacherKind.EXPERT_TRACKED)
 
 
 def teacher_ref(folder: Path) -> TeacherRef:

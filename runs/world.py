@@ -15,7 +15,7 @@ from readygo.common.dataset.stage import Scenery
 from readygo.common.errors import RunError, SceneError
 from readygo.common.files import cache_folder
 from readygo.common.fleet.blobs import fetch_file, is_whole
-from readygo.common.messages import FileRef, PolicyRef, RunSpec, TeacherRef, files_digest
+from readygo.common.messages import FileRef, PolicyRef, RunSpec, TeacherKind, TeacherRef, files_digest
 from readygo.common.policy import Policy, load_policy
 from readygo.common.scenes import Scene, load_scene
 from readygo.common.state_policy.state_policy import StatePolicy, load_state_policy
@@ -149,14 +149,14 @@ class World:
 
     @cached_property
     def teacher(self) -> StatePolicy | None:
-        """The state policy in the expert's place: at its path if it is there, else fetched from the run; None without.
+        """The state policy that teaches: at its path if it is there, else fetched from the run; None if none does.
 
         Raises:
             RunError: If the policy at the path is not the run's.
             PolicyError: If it cannot be used.
         """
         ref = self.spec.teacher
-        if ref is None:
+        if ref is None or ref.kind is not TeacherKind.STATE_POLICY:
             return None
         folder = self._policy_folder(ref, "teachers")
         teacher = load_state_policy(folder)

@@ -58,7 +58,8 @@ class RecordingOptions:
     """Policy fraction: share of the episodes that the policy drives, 0..1; 0.5 by default."""
     teacher: Path | None = None
     """Folder of a state policy for this robot, from `readygo rl`: it labels every sample instead of the expert, and
-    drives the expert's episodes."""
+    drives the expert's episodes. Or "expert-tracked": the expert that knows people by tracks of simulated
+    detections."""
     again: Path | None = None
     """Data folder whose episodes are recorded again, each driven by the same policy as before; `scene` and the
     settings of the run come from there."""

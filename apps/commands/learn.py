@@ -74,7 +74,8 @@ class LearnTrainingOptions:
     first one by default."""
     teacher: Path | None = None
     """Folder of a state policy for this robot, from `readygo rl`: it labels every sample instead of the expert, and
-    drives the expert's episodes."""
+    drives the expert's episodes. Or "expert-tracked": the expert that knows people by tracks of simulated
+    detections."""
     perception: Path | None = None
     """Folder of trained perception (`readygo train --recipe perception`): its network is the policy's encoder, and its
     robot is the default. By default the encoder learns with the policy."""
@@ -96,7 +97,7 @@ class LearnOptions:
     """What is learned: "perceive", a network that sees people and free space, with which a planner or a policy on
     states drives on the map; "policy", a policy from images to commands, without a map; "paper", both: half of the
     time for "perceive", then a policy whose encoder is that network and whose teacher is the policy on states
-    (`--learn.teacher expert`: the expert). "auto" takes "perceive", which reaches more goals among people, unless an
+    (or what `--learn.teacher` names). "auto" takes "perceive", which reaches more goals among people, unless an
     option or key is given that only policies have."""
     minutes: float = 60.0
     """Wall time of recording and training, including earlier calls [min]; training ends earlier if the policy

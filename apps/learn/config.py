@@ -11,7 +11,7 @@ from readygo.runs.sections import with_file
 from readygo.services.trainer import NetworkConfig
 
 GoalName = Literal["point", "image", "both"]
-TeacherName = Literal["rl", "expert"]
+TeacherName = Literal["rl", "expert", "expert-tracked"]
 Share = Annotated[float, Range(low=0.0, high=1.0)]
 
 
@@ -39,7 +39,8 @@ class LearnConfig:
     in the form "paper"."""
     teacher: TeacherName = "rl"
     """What labels the samples: "rl", the policy on states that the form "paper" trains first or that `--teacher` names,
-    and the expert where neither is there; "expert", always the expert, and "paper" trains no policy on states."""
+    and the expert where neither is there; "expert", always the expert; "expert-tracked", always the expert that knows
+    people by tracks of simulated detections. With both, "paper" trains no policy on states."""
 
     def __post_init__(self) -> None:
         check_ranges(self)

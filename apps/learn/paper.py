@@ -11,10 +11,12 @@ from readygo.apps.learn.perceive import PerceivePlan, check_plan, perceive_setti
 from readygo.apps.learn.plan import FIRST_FOLDER, SMALL_CAMERA, STATE, check_new_folder, learn_configs
 from readygo.common.errors import ConfigError
 from readygo.common.images.names import RGB
+from readygo.common.messages import TeacherKind
 from readygo.common.robot import RobotConfig
 from readygo.common.state_policy.state_policy import is_state_policy
 from readygo.runs.methods import RL
 from readygo.runs.sections import Keys
+from readygo.runs.teacher import tracked_ref
 
 FIRST_SHARE = 0.5
 """Share of the time for the first part."""
@@ -50,9 +52,11 @@ def first_plan(
         RunError: If a folder holds something else, or the budget is none.
         SceneError: If there is no such scene.
     """
-    _, learn = learn_configs(config, robot, "", "", keys=keys)
+    settings, learn = learn_configs(config, robot, "", "", keys=keys)
     if (learn.images, learn.goal) != ((RGB,), "point"):
         raise ConfigError('--form paper goes with the rgb of one camera and goal "point": use --form policy.')
+    if learn.teacher == TeacherKind.EXPERT_TRACKED.value:
+        tracked_ref(settings)
     of_runs = {name: section for name, section in keys.items() if name != "learn"}
     plan = PerceivePlan(
         out=out / FIRST_FOLDER,

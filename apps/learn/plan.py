@@ -14,7 +14,7 @@ from readygo.common.documents import read_json, write_json
 from readygo.common.errors import ConfigError, RunError, SceneError, cause
 from readygo.common.images.names import RGB, kind_of
 from readygo.common.locks import held
-from readygo.common.messages import EpisodeKey, HumanPlanRequest, RunSpec, Split
+from readygo.common.messages import EpisodeKey, HumanPlanRequest, RunSpec, Split, TeacherKind
 from readygo.common.perception.artifact import WEIGHTS_FILE, load_perception_spec
 from readygo.common.policy.sight import check_cameras
 from readygo.common.robot import RobotConfig, load_robot
@@ -253,12 +253,12 @@ def make_plan(
         avatars: Avatar file or folder; None for the embedded ones.
         seed: Seed of the recording runs.
         people: Avatars that walk in the data; those of `avatars` by default.
-        teacher: Folder of a state policy that takes the expert's place; None for the expert.
+        teacher: As for `with_teacher`; None for what `LearnConfig.teacher` says, or the expert.
         perception: Folder of trained perception whose network is the encoder; None for one that learns with the policy.
 
     Raises:
         SceneError: If there is no such scene, or it has no room for humans.
-        ConfigError: If a teacher is given and the expert is to label.
+        ConfigError: If a teacher is given and `learn` names one as well, or people cannot be tracked for the expert.
         PolicyError: If the teacher cannot be used, or was trained for another robot.
         RunError: If `out` holds something else, or was begun with other scenes or settings.
     """
@@ -266,8 +266,10 @@ def make_plan(
         raise RunError(f"--minutes must be above 0, got {budget.minutes:g}.")
     if budget.samples is not None and budget.samples < 1:
         raise RunError(f"--samples must be at least 1, got {budget.samples}.")
-    if teacher is not None and learn.teacher == "expert":
-        raise ConfigError('--teacher gives a policy on states, and learn.teacher is "expert": leave one of them out.')
+    if teacher is not None and learn.teacher != "rl":
+        raise ConfigError(f'--teacher is {teacher}, and learn.teacher is "{learn.teacher}": leave one of them out.')
+    if learn.teacher == TeacherKind.EXPERT_TRACKED.value:
+        teacher = Path(learn.teacher)
     places: list[LearnPlace] = []
     for scene, opened in zip(scenes, open_scenes(scenes), strict=True):
         spec = make_spec(opened, people or avatars, config, seed=seed, split=Split.TRAIN, static=False)

@@ -60,10 +60,12 @@ class PolicyOrigin:
 
 @dataclass(frozen=True, kw_only=True)
 class TeacherOrigin:
-    """The state policy that labelled the samples, and drove the episodes that are the expert's without it."""
+    """Who labelled the samples, and drove the episodes that are the expert's without it."""
 
     sha256: str = ""
-    """SHA-256 over the files that it is loaded from."""
+    """SHA-256 over the files that a state policy is loaded from; empty for others."""
+    kind: str = "state-policy"
+    """The value of a `TeacherKind`."""
 
 
 @dataclass(frozen=True, kw_only=True)

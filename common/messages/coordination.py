@@ -39,6 +39,14 @@ class VerdictStatus(enum.Enum):
     """The episode is durable already."""
 
 
+class TeacherKind(enum.Enum):
+    """Kinds of teachers."""
+
+    STATE_POLICY = "state-policy"
+    EXPERT_TRACKED = "expert-tracked"
+    """The expert that knows people by tracks of simulated detections."""
+
+
 FILE_BYTES_MAX = 2**36
 """No file of a run is larger [bytes]; the largest are scenes of some gigabytes."""
 
@@ -127,17 +135,27 @@ class PolicyRef:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TeacherRef:
-    """A state policy that labels a run's samples instead of the expert, and drives the expert's episodes."""
+    """Who labels a run's samples instead of the expert, and drives the expert's episodes."""
 
     path: str
-    """Its folder on the machine that began the run."""
+    """Folder of a state policy on the machine that began the run; empty without files."""
     files: tuple[FileRef, ...]
-    """All that it is loaded from."""
+    """All that a state policy is loaded from."""
+    kind: TeacherKind = field(default=TeacherKind.STATE_POLICY, metadata=OMITTED_WHEN_DEFAULT)
+
+    def __post_init__(self) -> None:
+        if self.kind is not TeacherKind.STATE_POLICY and (self.path or self.files):
+            raise ValueError(f"A teacher of the kind {self.kind.value!r} has no files, got {len(self.files)} files.")
 
     @property
     def sha256(self) -> str:
         """SHA-256 over the names and hashes of the files, in any order."""
         return files_digest(self.files)
+
+    @property
+    def name(self) -> str:
+        """What names it in a run's identity: the hash of a state policy, or its kind."""
+        return self.sha256 if self.kind is TeacherKind.STATE_POLICY else self.kind.value
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -374,7 +392,7 @@ class RunSpec:
     avatar_files: tuple[FileRef, ...] = field(default=(), metadata=OMITTED_WHEN_DEFAULT)
     """The files at `avatars_path`; none where the avatars are the embedded ones."""
     teacher: TeacherRef | None = field(default=None, metadata=OMITTED_WHEN_DEFAULT)
-    """The state policy in the expert's place; None where the expert labels."""
+    """The teacher in the expert's place; None where the expert labels."""
 
     def __post_init__(self) -> None:
         check_sha256("scene_hash", self.scene_hash)

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from readygo.services.driver.disturbance import Disturbance as Disturbance
     from readygo.services.driver.disturbance import disturbs as disturbs
     from readygo.services.driver.handlers import EpisodeDrive as EpisodeDrive
+    from readygo.services.driver.handlers import LabellingExpert as LabellingExpert
     from readygo.services.driver.handlers import drive as drive
     from readygo.services.driver.handlers import driver_of as driver_of
     from readygo.services.driver.risks import RiskMap as RiskMap
@@ -22,6 +23,7 @@ else:
         ),
         ".handlers": (
             "EpisodeDrive",
+            "LabellingExpert",
             "drive",
             "driver_of",
         ),

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from readygo.services.planner.expert.interface import Expert as Expert
     from readygo.services.planner.expert.interface import ExpertDriver as ExpertDriver
     from readygo.services.planner.expert.perceiving import PerceivingDriver as PerceivingDriver
-    from readygo.services.planner.expert.perceiving import TrackedDriver as TrackedDriver
+    from readygo.services.planner.expert.perceiving import TrackedExpert as TrackedExpert
     from readygo.services.planner.expert.tracked import TrackedHumans as TrackedHumans
     from readygo.services.planner.explain.journal import DrivenRun as DrivenRun
     from readygo.services.planner.explain.journal import run_beside_expert as run_beside_expert
@@ -62,7 +62,7 @@ else:
         ),
         ".expert.perceiving": (
             "PerceivingDriver",
-            "TrackedDriver",
+            "TrackedExpert",
         ),
         ".expert.tracked": ("TrackedHumans",),
         ".explain.journal": (

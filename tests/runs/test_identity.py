@@ -9,7 +9,7 @@ import pytest
 from readygo.common.dataset.provenance import SceneOrigin
 from readygo.common.errors import RunError
 from readygo.common.extras import ROOT
-from readygo.common.messages import FileRef, OnRejection, PolicyRef, RunSpec, Split, TeacherRef
+from readygo.common.messages import FileRef, OnRejection, PolicyRef, RunSpec, Split, TeacherKind, TeacherRef
 from readygo.common.messages.stages import DRIVE_LINE, EXPERT_LINE
 from readygo.runs.config import RunConfig, resolved_sections
 from readygo.runs.identity import check_same_make, files_of, identity, numeric_class, run_metadata, run_name
@@ -81,6 +81,7 @@ def test_each_thing_that_samples_depend_on_is_part_of_a_runs_identity() -> None:
         {"policy": dataclasses.replace(policy, mix=0.5)}, {"stages": DRIVE_LINE},
         {"policy": dataclasses.replace(policy, files=(FileRef(path="head", sha256="2" * 64, size=3),))},
         {"teacher": TeacherRef(path="t", files=policy.files)}, {"teacher": TeacherRef(path="t", files=())},
+        {"teacher": TeacherRef(path="", files=(), kind=TeacherKind.EXPERT_TRACKED)},
     ]  # fmt: skip
     specs = [SPEC, *(dataclasses.replace(SPEC, **change) for change in changes)]  # type: ignore[arg-type]
     assert len({run_name(spec) for spec in specs}) == len(specs)

@@ -1,13 +1,15 @@
 import dataclasses
+from types import SimpleNamespace
 
 import pytest
 
 from readygo.common.bus import InProcessBus
 from readygo.common.errors import RunError
 from readygo.common.fleet import StageResult
-from readygo.common.messages import Stage
+from readygo.common.messages import Stage, TeacherKind, TeacherRef
 from readygo.common.messages.stages import DRIVE_LINE, EVALUATE, EXPERT_LINE
-from readygo.runs.stages import LINE, Entry, stage_works
+from readygo.common.perception.noise import PERCEIVED
+from readygo.runs.stages import LINE, Entry, _labels, stage_works
 from readygo.runs.world import World
 from tests.common.messages.run_specs import SPEC
 
@@ -50,3 +52,16 @@ def test_table_knows_every_stage_of_the_lines_once() -> None:
     stages = [entry.stage for entry in LINE]
     assert set(stages) == {*EXPERT_LINE, *DRIVE_LINE, EVALUATE}
     assert len(set(stages)) == len(stages)
+
+
+def test_expert_labels_unless_the_run_names_the_one_among_tracked_people() -> None:
+    planner = SimpleNamespace(
+        expert=lambda scenario, motions: ("expert", scenario, motions),
+        detecting_expert=lambda scenario, noise: ("tracked", scenario, noise),
+    )
+    episode, made = SimpleNamespace(scenario="s", motions="m"), []
+    for teacher in (None, TeacherRef(path="", files=(), kind=TeacherKind.EXPERT_TRACKED)):
+        world = World(dataclasses.replace(SPEC, teacher=teacher))
+        world.__dict__["robot_planner"] = planner
+        made.append(_labels(world)(episode))  # type: ignore[arg-type]
+    assert made == [("expert", "s", "m"), ("tracked", "s", PERCEIVED)]

@@ -4,17 +4,18 @@ from pathlib import Path
 import pytest
 
 from readygo.common.camera import CameraConfig
-from readygo.common.dataset.provenance import Provenance, SceneOrigin
-from readygo.common.errors import PolicyError, RunError
-from readygo.common.messages import RunSpec, decode, encode
+from readygo.common.dataset.provenance import Provenance, SceneOrigin, TeacherOrigin
+from readygo.common.errors import ConfigError, PolicyError, RunError
+from readygo.common.messages import RunSpec, TeacherKind, TeacherRef, decode, encode
 from readygo.common.messages.stages import DRIVE_LINE
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.ranges import RobotRanges
 from readygo.runs.config import RunConfig, resolved_sections
 from readygo.runs.identity import check_same_make, numeric_class
 from readygo.runs.policy import with_expert, with_policy
-from readygo.runs.teacher import with_teacher
+from readygo.runs.teacher import tracked_ref, with_teacher
 from readygo.runs.world import World
+from readygo.services.planner import ExpertConfig
 from tests.common.messages.run_specs import SPEC
 from tests.common.policy.artifacts import ROBOT, write_policy
 from tests.common.state_policy.state_policies import write_state_policy
@@ -91,6 +92,24 @@ def test_folder_without_a_state_policy_is_refused(tmp_path: Path) -> None:
     for folder in (tmp_path / "nowhere", write_policy(tmp_path / "policy")):
         with pytest.raises(PolicyError, match=f"{folder} holds no state policy; train one: readygo rl SCENE --out"):
             with_teacher(PLAIN, CONFIG, folder)
+
+
+def test_expert_among_tracked_people_is_a_teacher_by_its_name() -> None:
+    spec = with_teacher(PLAIN, CONFIG, Path("expert-tracked"))
+    assert spec.teacher == tracked_ref(CONFIG) == TeacherRef(path="", files=(), kind=TeacherKind.EXPERT_TRACKED)
+    assert decode(RunSpec, encode(spec)) == spec
+    assert spec.metadata["teacher"] == {"kind": "expert-tracked"}
+    assert Provenance.of_run(spec).teacher == TeacherOrigin(kind="expert-tracked")
+    assert spec.run != PLAIN.run
+    assert " blas" in spec.metadata["numeric_class"]
+    assert World(spec).teacher is None
+    check_same_make(spec, CONFIG)
+
+
+def test_people_are_not_tracked_for_an_expert_that_takes_bodies() -> None:
+    config = RunConfig(expert=ExpertConfig(mode="paper"))
+    with pytest.raises(ConfigError, match=r'^The teacher expert-tracked tracks people.*set mode = "spacetime" under'):
+        with_teacher(PLAIN, config, Path("expert-tracked"))
 
 
 def test_worker_without_the_teacher_fetches_it_from_the_run(

@@ -16,12 +16,14 @@ from readygo.common.messages import (
     RobotTrajectory,
     Scenario,
 )
+from readygo.common.perception.noise import PerceptionNoise
 from readygo.common.robot import RobotConfig
 from readygo.services.planner.expert.config import GOAL_TOLERANCE_M, ExpertConfig
 from readygo.services.planner.expert.ground import EpisodeGround, SceneGround
 from readygo.services.planner.expert.hybrid_astar import HybridAStar
 from readygo.services.planner.expert.interface import Decision, Expert, ExpertDriver, HumanBody
 from readygo.services.planner.expert.paper import PaperExpert
+from readygo.services.planner.expert.perceiving import TrackedExpert
 from readygo.services.planner.expert.spacetime import SpaceTimeExpert, horizon_s
 from readygo.services.planner.expert.spacetime_search import SpaceTimeSearch
 from readygo.services.planner.expert.tracked import TrackedHumans
@@ -97,6 +99,20 @@ class RobotPlanner:
             ConfigError: If the expert's mode is "paper": its search takes bodies.
         """
         return self.of(scenario.episode)._tracked_expert(scenario, velocities)
+
+    def detecting_expert(self, scenario: Scenario, noise: PerceptionNoise) -> TrackedExpert:
+        """An expert for one episode that knows people by tracks of simulated detections.
+
+        Args:
+            scenario: Of the episode.
+            noise: How detections err.
+
+        Raises:
+            ConfigError: As for `tracked_expert`.
+        """
+        expert, people = self.tracked_expert(scenario, velocities=noise.measures_velocity)
+        robot = robot_of_episode(self.robot, scenario.episode)
+        return TrackedExpert(expert, people, scenario.episode, robot, noise)
 
     def _tracked_expert(self, scenario: Scenario, velocities: bool) -> tuple[SpaceTimeExpert, TrackedHumans]:
         if isinstance(self._search, HybridAStar):

@@ -1,18 +1,23 @@
 """Perceive, track, plan: the expert drives on the map that it knows, among the people that the robot's camera shows."""
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from readygo.common.arrays import BoolArray
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.loop import Command, DriverFailure
 from readygo.common.episode.streams import Purpose, episode_rng
+from readygo.common.messages import EpisodeKey
 from readygo.common.perception import Perception
 from readygo.common.perception.episode import EpisodePerception, OnLook, perceive_step
 from readygo.common.perception.noise import PerceptionNoise
 from readygo.common.perception.simulated import SimulatedPerception
 from readygo.common.policy.driver import PolicyCamera
+from readygo.common.robot import RobotConfig
+from readygo.services.planner.expert.interface import Decision
 from readygo.services.planner.expert.spacetime import SpaceTimeExpert
 from readygo.services.planner.expert.tracked import TrackedHumans
 
@@ -62,44 +67,58 @@ class PerceivingDriver:
         return [(decision.v_mps, decision.w_radps) for decision in decisions]
 
 
-class TrackedDriver:
-    """The expert with a student's eyes: people are tracked from what a network would tell of those in view."""
+class TrackedExpert:
+    """The expert with a student's eyes: people are tracked from what a network would tell of those in view.
 
-    looks = False
+    The errors of perception follow from the episode's key.
+    """
 
     def __init__(
         self,
+        expert: SpaceTimeExpert,
+        people: TrackedHumans,
+        episode: EpisodeKey,
+        robot: RobotConfig,
         noise: PerceptionNoise,
-        make_expert: Callable[[EpisodeSimulation], tuple[SpaceTimeExpert, TrackedHumans]],
     ) -> None:
-        """Prepare to drive.
+        """Begin an episode.
 
         Args:
+            expert: Plans among these people.
+            people: The tracks.
+            episode: Its errors of perception are drawn.
+            robot: Of the episode.
             noise: How perception errs.
-            make_expert: As for `PerceivingDriver`.
         """
-        self._noise, self._make_expert = noise, make_expert
+        self._expert, self._people = expert, people
+        self._perception = SimulatedPerception(noise, robot.camera, episode_rng(episode, Purpose.PERCEPTION))
+        self._every, self._looked_step = max(1, robot.clock.steps(1.0 / noise.rate_hz)), -1
 
-    def start(self, simulation: EpisodeSimulation) -> tuple[SpaceTimeExpert, TrackedHumans, SimulatedPerception]:
-        """See `Driver.start`."""
-        rng = episode_rng(simulation.scenario.episode, Purpose.PERCEPTION)
-        return *self._make_expert(simulation), SimulatedPerception(self._noise, simulation.robot.camera, rng)
+    @property
+    def replan_times_s(self) -> Sequence[float]:
+        """See `Expert.replan_times_s`."""
+        return self._expert.replan_times_s
 
-    def act(
-        self, running: Sequence[tuple[EpisodeSimulation, tuple[SpaceTimeExpert, TrackedHumans, SimulatedPerception]]]
-    ) -> list[Command | DriverFailure]:
-        """See `Driver.act`."""
-        commands: list[Command | DriverFailure] = []
-        for simulation, (expert, people, perception) in running:
-            if simulation.step % max(1, simulation.clock.steps(1.0 / self._noise.rate_hz)) == 0:
-                self._look(simulation, people, perception)
-            decision = expert.act(simulation)
-            commands.append((decision.v_mps, decision.w_radps))
-        return commands
+    def act(self, simulation: EpisodeSimulation) -> Decision:
+        """See `Expert.act`."""
+        visible = self.watch(simulation)
+        return dataclasses.replace(self._expert.act(simulation), visible=visible)
 
-    def _look(self, simulation: EpisodeSimulation, people: TrackedHumans, perception: SimulatedPerception) -> None:
+    def watch(self, simulation: EpisodeSimulation) -> bool:
+        """See `Expert.watch`."""
+        visible = self._visible(simulation)
+        if simulation.step % self._every == 0 and simulation.step != self._looked_step:
+            self._look(simulation, visible)
+        return bool(visible.any())
+
+    def _visible(self, simulation: EpisodeSimulation) -> BoolArray:
+        """Which humans are in view, shape (N,)."""
+        pose = (simulation.x_m, simulation.y_m, simulation.yaw_rad)
+        return np.array([self._people.eyes.show(pose, x, y) for x, y in simulation.human_xy_m.tolist()], np.bool_)
+
+    def _look(self, simulation: EpisodeSimulation, visible: BoolArray) -> None:
         step, pose = simulation.step, (simulation.x_m, simulation.y_m, simulation.yaw_rad)
         here, before = simulation.human_xy_m, simulation.human_xy_at(max(step - 2, 0))
         velocity = (here - before) / (max(min(step, 2), 1) * simulation.clock.dt_s)
-        visible = np.array([people.eyes.show(pose, x, y) for x, y in here.tolist()], np.bool_)
-        people.look(step, pose, perception.look(simulation.time_s, pose, here, velocity, visible))
+        self._people.look(step, pose, self._perception.look(simulation.time_s, pose, here, velocity, visible))
+        self._looked_step = step

@@ -260,6 +260,20 @@ def test_teacher_labels_what_a_policy_drives(taught: Path, scene: Path, small: P
     assert not np.array_equal(labels["taught"][0], labels["expert"][0])
 
 
+def test_expert_among_tracked_people_labels_and_the_data_name_it(scene: Path, small: Path, tmp_path: Path) -> None:
+    data, again = tmp_path / "data", tmp_path / "again"
+    recording = RecordingOptions(teacher=Path("expert-tracked"))
+    generate(
+        GenerateOptions(scene=str(scene), out=data, episodes=1, workers=0, config=small, json=True, recording=recording)
+    )
+    generate(GenerateOptions(out=again, workers=0, json=True, recording=RecordingOptions(again=data)))
+    dataset = Dataset([data])
+    assert dataset.provenance.teacher == TeacherOrigin(kind="expert-tracked")
+    labelled = np.flatnonzero(dataset.pictured)
+    assert np.array_equal(dataset.expert_actions[labelled], dataset.actions[labelled])
+    assert _digests(again) == _digests(data)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

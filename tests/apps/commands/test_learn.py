@@ -44,10 +44,14 @@ def test_line_says_what_is_known() -> None:
         (["embedded", "--form", "paper", "--minutes", "0"], "--minutes must be above 0 and at most 100000, got 0."),
         (["embedded", "--form", "paper", "--learn.goal", "image"], "--form paper goes with the rgb of one camera"),
         (["embedded", "--learn.memory", "-3"], "--learn.memory must be at least 0 and at most 1024, got -3."),
-        (["embedded", "--learn.teacher", "me"], "--learn.teacher must be rl or expert, got 'me'"),
+        (["embedded", "--learn.teacher", "me"], "--learn.teacher must be rl or expert or expert-tracked, got 'me'"),
         (
             ["embedded", "--teacher", "rl", "--learn.teacher", "expert"],
-            "--teacher gives a policy on states, and learn.t",
+            '--teacher is rl, and learn.teacher is "expert": leave one of them out.',
+        ),
+        (
+            ["embedded", "--form", "paper", "--learn.teacher", "expert-tracked", "--expert.mode", "paper"],
+            'The teacher expert-tracked tracks people, and the expert of mode "paper" takes bodies: set mode',
         ),
         (["nowhere", "--form", "paper"], "nowhere does not exist; make one with"),
         (["embedded", "--teacher", "nowhere"], "--teacher: nowhere holds no state policy; train one"),

@@ -73,7 +73,8 @@ def test_expert_teaches_where_no_policy_on_states_was_left(tmp_path: Path) -> No
 def test_expert_teaches_where_the_settings_say_so(tmp_path: Path) -> None:
     assert plan_in(tmp_path / "run").policy_on_states
     (tmp_path / "run.toml").write_text('[learn]\nteacher = "expert"\n')
-    for more in ({"config": tmp_path / "run.toml"}, {"keys": {"learn": {"teacher": "expert"}}}):
+    keys = [{"learn": {"teacher": name}} for name in ("expert", "expert-tracked")]
+    for more in ({"config": tmp_path / "run.toml"}, *({"keys": each} for each in keys)):
         plan = plan_in(tmp_path / "run", **more)
         assert not plan.policy_on_states
     write_state_policy(plan.out / "rl")

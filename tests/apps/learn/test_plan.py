@@ -28,7 +28,7 @@ from readygo.common.perception.artifact import (
 from readygo.common.robot import CameraConfig, RobotConfig
 from readygo.runs.config import RunConfig
 from readygo.runs.scene_argument import open_scene
-from readygo.runs.teacher import teacher_ref
+from readygo.runs.teacher import teacher_ref, tracked_ref
 from readygo.services.trainer.config import PERCEPTION_WIDTHS
 from tests.common.state_policy.state_policies import write_state_policy
 
@@ -136,11 +136,21 @@ def test_run_goes_on_only_as_what_it_is(tmp_path: Path) -> None:
 
 
 def test_teacher_is_refused_where_the_expert_is_to_label(tmp_path: Path) -> None:
-    settings, learn = learn_configs(None, None, "", "", keys={"learn": {"teacher": "expert"}})
-    with pytest.raises(ConfigError, match=r'^--teacher gives a policy on states, and learn\.teacher is "expert"'):
-        make_plan(
-            ("embedded",), tmp_path, settings, learn, Budget(minutes=1.0), avatars=None, seed=0, teacher=tmp_path / "rl"
-        )
+    for name in ("expert", "expert-tracked"):
+        settings, learn = learn_configs(None, None, "", "", keys={"learn": {"teacher": name}})
+        with pytest.raises(ConfigError, match=rf'^--teacher is .*rl, and learn\.teacher is "{name}": leave one'):
+            make_plan(
+                ("embedded",), tmp_path, settings, learn, Budget(minutes=1.0), avatars=None, seed=0,
+                teacher=tmp_path / "rl",
+            )  # fmt: skip
+
+
+def test_expert_among_tracked_people_teaches_where_the_settings_say_so(tmp_path: Path) -> None:
+    settings, learn = learn_configs(None, None, "", "", keys={"learn": {"teacher": "expert-tracked"}})
+    plan = make_plan(("embedded",), tmp_path, settings, learn, Budget(minutes=1.0), avatars=None, seed=0)
+    assert plan.places[0].spec.teacher == tracked_ref(settings)
+    assert plan.places == plan_of(tmp_path, settings, teacher=Path("expert-tracked")).places
+    assert plan_of(tmp_path, settings).places[0].spec.teacher is None
 
 
 def test_teacher_is_part_of_the_run(tmp_path: Path) -> None:

@@ -36,7 +36,8 @@ def test_record_keeps_its_keys_and_bytes() -> None:
 def test_mapping_comes_back() -> None:
     whole = dataclasses.replace(PROVENANCE, scenarios=ScenarioOrigin(name="five.toml", sha256="ef" * 32))
     taught = dataclasses.replace(whole, teacher=TeacherOrigin(sha256="cd" * 32))
-    for provenance in (taught, whole, PROVENANCE, Provenance()):
+    tracked = dataclasses.replace(whole, teacher=TeacherOrigin(kind="expert-tracked"))
+    for provenance in (tracked, taught, whole, PROVENANCE, Provenance()):
         assert Provenance.from_mapping(json.loads(json.dumps(provenance.to_mapping()))) == provenance
     assert PROVENANCE.robot == ROBOT
     assert Provenance().robot is None

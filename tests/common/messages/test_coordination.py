@@ -24,6 +24,7 @@ from readygo.common.messages import (
     RunSpec,
     Split,
     StatusReply,
+    TeacherKind,
     TeacherRef,
     Verdict,
     VerdictStatus,
@@ -124,7 +125,16 @@ def test_teacher_travels_with_the_spec_where_there_is_one() -> None:
     files = (FileRef(path="state_policy.toml", sha256="0" * 64, size=3),)
     teacher = TeacherRef(path="p", files=files)
     assert decode(RunSpec, encode(_spec(teacher=teacher))).teacher == teacher
-    assert teacher.sha256 == PolicyRef(path="", files=files, mix=0.5).sha256
+    assert teacher.sha256 == teacher.name == PolicyRef(path="", files=files, mix=0.5).sha256
+
+
+def test_expert_among_tracked_people_travels_as_a_teacher_and_has_no_files() -> None:
+    teacher = TeacherRef(path="", files=(), kind=TeacherKind.EXPERT_TRACKED)
+    assert decode(RunSpec, encode(_spec(teacher=teacher))).teacher == teacher
+    assert teacher.name == "expert-tracked"
+    for more in ({"path": "p"}, {"files": (FileRef(path="actor.npz", sha256="0" * 64, size=3),)}):
+        with pytest.raises(ValueError, match=r"^A teacher of the kind 'expert-tracked' has no files"):
+            dataclasses.replace(teacher, **more)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("mix", [-0.01, 1.01, float("nan")])

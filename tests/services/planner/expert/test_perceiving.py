@@ -1,3 +1,4 @@
+import dataclasses
 import math
 from types import SimpleNamespace
 
@@ -7,11 +8,11 @@ import pytest
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.loop import run_episode
 from readygo.common.messages import EpisodeMotions, HumanTrajectory, Outcome, Scenario
-from readygo.common.perception.noise import EXACT, PerceptionNoise
+from readygo.common.perception.noise import EXACT, PERCEIVED
 from readygo.common.perception.people import NOBODY, People
 from readygo.common.policy.memory import PolicyMemory
 from readygo.services.planner import ExpertDriver, RobotPlanner
-from readygo.services.planner.expert.perceiving import PerceivingDriver, TrackedDriver
+from readygo.services.planner.expert.perceiving import PerceivingDriver
 from tests.services.planner.worlds import animate, key, make_robot_planner
 
 
@@ -99,18 +100,35 @@ def test_driver_does_not_know_the_humans_of_the_simulation(planner: RobotPlanner
 
 def test_expert_with_a_students_eyes_does_so_too_and_errs_the_same_way_again(planner: RobotPlanner) -> None:
     ends = []
-    for noise in (EXACT, PerceptionNoise(), PerceptionNoise()):
+    for noise in (EXACT, PERCEIVED, PERCEIVED):
         one = simulation(planner)
-        run_episode(
-            one,
-            TrackedDriver(
-                noise,
-                lambda episode, noise=noise: planner.tracked_expert(  # type: ignore[misc]
-                    episode.scenario, velocities=noise.measures_velocity
-                ),
-            ),
-        )
+        run_episode(one, ExpertDriver(lambda scenario, _, noise=noise: planner.detecting_expert(scenario, noise)))  # type: ignore[misc]
         ends.append((one.outcome, one.step, one.x_m))
     assert ends[0][0] is Outcome.SUCCESS
     assert ends[1] == ends[2]
     assert ends[0] != ends[1]
+
+
+def test_expert_with_a_students_eyes_knows_the_same_if_it_is_asked_again_or_only_watches(planner: RobotPlanner) -> None:
+    one = simulation(planner)
+    asked, watches = (planner.detecting_expert(one.scenario, PERCEIVED) for _ in range(2))
+    sees_all, seen = planner.expert(one.scenario, one.motions), []
+    for _ in range(60):
+        decision, again = asked.act(one), asked.act(one)
+        assert np.array_equal(again.commands, decision.commands)
+        seen.append(decision.visible)
+        assert watches.watch(one) == sees_all.watch(one) == seen[-1]
+        if one.step % 20 == 19:
+            known = [[human.x_m for human in each.perceived] for each in (watches.act(one), decision)]
+            assert known[0] == known[1]
+        one.advance(0.5, 0.4)
+    assert set(seen) == {False, True}
+
+
+def test_expert_with_a_students_eyes_looks_as_often_as_its_noise_says(planner: RobotPlanner) -> None:
+    one, places = simulation(planner), []
+    expert = planner.detecting_expert(one.scenario, dataclasses.replace(EXACT, rate_hz=5.0))
+    for _ in range(9):
+        places.append([human.age_s for human in expert.act(one).perceived])
+        one.advance(0.0, 0.0)
+    np.testing.assert_allclose(np.ravel(places), [0.0, 0.05, 0.1, 0.15, 0.0, 0.05, 0.1, 0.15, 0.0], atol=1e-9)
