@@ -78,7 +78,9 @@ CAMERA_HZ = 5.0
 DISTURBED = 0.7
 """Share of the expert's episodes with noise injection: perception must know views off the expert's way."""
 FIRST_EPISODES = 24
-"""First episodes of a data folder, which tell about how long one takes; fewer than so many are not recorded after."""
+"""First episodes of a data folder, which tell about how long one takes."""
+RECORDED = 0.9
+"""Share of its time after which a data folder is left as it is: processes would start for a few episodes."""
 CROWD: MixName = "crowd"
 """Scenario mix of half of the data: more humans in an image."""
 VAL_EPISODES = 30
@@ -385,8 +387,8 @@ def _val_rates(
 def _record(plan: PerceivePlan, spec: RunSpec, name: str, budget_s: float, state: dict[str, Any], show: Show) -> None:
     """Record one data folder: a few episodes, then again and again as many as there seems to be time for.
 
-    The first ones also have the time in them in which processes start and kernels are compiled, and tell too little.
-    An interrupted recording continues with the episodes that it was at.
+    The time of the first ones also has that in it in which processes start and kernels are compiled. An interrupted
+    recording continues with the episodes that it was at.
     """
     folder, goals, spent = plan.out / "data" / name, state["episodes"], state["recording_s"]
 
@@ -406,7 +408,7 @@ def _record(plan: PerceivePlan, spec: RunSpec, name: str, budget_s: float, state
             took_s = max(time.monotonic() - begin_s, 1e-3)
             spent[name] += took_s
             more = round((goals[name] - had) / took_s * (budget_s - spent[name]))
-            if more < FIRST_EPISODES:
+            if more < 1 or spent[name] > RECORDED * budget_s:
                 del spent[name]
                 return
             goals[name] += more

@@ -205,6 +205,15 @@ def test_time_is_shared_between_recording_and_training(tmp_path: Path, steps: li
     assert len([*(tmp_path / "run" / "people").iterdir()]) == 3
 
 
+@pytest.mark.parametrize(("minutes", "counts"), [(6, [24, 42, 58]), (3, [24])])
+def test_slow_first_episodes_do_not_end_the_recording_while_there_is_time(
+    minutes: float, counts: list[int], tmp_path: Path, steps: list[tuple[str, Any]]
+) -> None:
+    learn_to_perceive(dataclasses.replace(plan_of(tmp_path / "run"), minutes=minutes), episodes=0)
+    name = steps[0][1][0]
+    assert [asked[1] for step, asked in steps if step == "record" and asked[0] == name] == counts
+
+
 @pytest.mark.parametrize(("minutes", "count"), [(0.2, 56), (20, 80), (50, 200), (90, 200)])
 def test_longer_runs_have_more_varied_people(minutes: float, count: int) -> None:
     assert module.variants_of(minutes) == count
