@@ -176,7 +176,7 @@ def _of_lzfse(path: Path, size_px: tuple[int, int]) -> Float32Array | None:
     if values is None or len(values) % 4 or not values:
         return None
     depth_m = np.frombuffer(values, dtype=np.float32)
-    # No file tells the sides: they are those of the image.
+    # Metadata of older exports does not tell the sides (dw, dh): they are in proportion to those of the image.
     rows = max(1, round(math.sqrt(len(depth_m) * size_px[1] / size_px[0])))
     if len(depth_m) % rows:
         raise SceneError(f"{path} has {len(depth_m)} depths, which make no image as {size_px[0]}x{size_px[1]} px do.")
