@@ -65,7 +65,8 @@ class LearnTrainingOptions:
     """Training budget in samples, repeats counted, instead of minutes: the result depends less on the machine's
     load."""
     avatars: Path | None = None
-    """Avatar file or folder of avatars; the embedded ones by default."""
+    """Avatar file or folder of avatars; the embedded ones by default. Of eight or more, the forms "perceive" and
+    "paper" keep a quarter for the test (`readygo evaluate --avatars FOLDER:test`), and learn among the others."""
     goal: GoalName | None = None
     """Goal input of the policy: "point" (the default) is its position, "image" the robot's view at the goal, or
     "both"."""
@@ -148,7 +149,7 @@ def _learn_policy(options: LearnOptions, given: Mapping[str, str], people: Path 
     Args:
         options: What the run is told.
         given: Options of the command in the report that learns on.
-        people: Avatars of the data; those of the measurements by default.
+        people: Varied avatars that walk in the data; by default the avatars themselves.
     """
     if options.on == "hosts" and not options.fleet.listen:
         raise RunError("--on hosts needs --listen with an address that they reach, such as tls/10.0.0.5:7447.")

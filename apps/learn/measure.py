@@ -5,7 +5,7 @@ import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -50,11 +50,21 @@ class Measured:
     """Mean time per episode [s]."""
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Loaded:
+    """A scene in which policies are measured."""
+
+    world: World
+    renderer: Renderer
+    evaluator: Evaluator
+
+
 class Measuring:
-    """Measures policies in loaded scenes; the first measurement loads them."""
+    """Measures policies in loaded scenes; the first measurement among some avatars loads them."""
 
     def __init__(self, plan: LearnPlan) -> None:
         self._plan = plan
+        self._loaded: tuple[Path | None, list[_Loaded]] | None = None
 
     def val(
         self,
@@ -80,10 +90,12 @@ class Measuring:
         policy = load_policy(folder)
         each = max(1, -(-episodes // len(self._plan.places)))
         request = EvaluateRequest(methods=(POLICY,), episodes=each, seed=self._plan.seed, split=Split.VAL)
-        evaluators, begin_s = self._evaluators, time.monotonic()
+        loaded, begin_s = self._among(self._plan.avatars), time.monotonic()
         replies = [
-            handle_evaluate(dataclasses.replace(evaluator, policy=policy), request, report=partial(report, place.name))
-            for place, evaluator in zip(self._plan.places, evaluators, strict=True)
+            handle_evaluate(
+                dataclasses.replace(at.evaluator, policy=policy), request, report=partial(report, place.name)
+            )
+            for place, at in zip(self._plan.places, loaded, strict=True)
         ]
         records = [record for reply in replies for record in reply.records]
         measurement = PolicyMeasurement(
@@ -122,38 +134,31 @@ class Measuring:
         policy, sha256 = load_policy(folder), policy_sha256(folder)
         request = EvaluateRequest(episodes=episodes, seed=self._plan.seed)
         replies = {}
-        for place, world, renderer, evaluator in zip(
-            self._plan.places, self._worlds, self._renderers, self._evaluators, strict=True
-        ):
+        for place, at in zip(self._plan.places, self._among(self._plan.tested), strict=True):
             replies[place.name] = drive_test(
-                dataclasses.replace(evaluator, policy=policy),
-                world,
-                renderer,
+                dataclasses.replace(at.evaluator, policy=policy),
+                at.world,
+                at.renderer,
                 request,
                 out / place.name,
-                settings=evaluation_settings(world, request, policy=sha256, camera="policy"),
+                settings=evaluation_settings(at.world, request, policy=sha256, camera="policy"),
                 title=f"{folder} in {place.name}",
                 report=report,
                 videos=videos,
             )
         return replies
 
-    @cached_property
-    def _worlds(self) -> list[World]:
-        plan = self._plan
-        return [
-            evaluation_world(place.scene, tried_settings(plan), avatars=plan.avatars, seed=plan.seed)
-            for place in plan.places
-        ]
+    def _among(self, avatars: Path | None) -> list[_Loaded]:
+        """The scenes with these avatars; those with others are forgotten."""
+        if self._loaded is None or self._loaded[0] != avatars:
+            self._loaded = None
+            self._loaded = avatars, [self._load(place.scene, avatars) for place in self._plan.places]
+        return self._loaded[1]
 
-    @cached_property
-    def _evaluators(self) -> list[Evaluator]:
-        pairs = zip(self._worlds, self._renderers, strict=True)
-        return [make_evaluator(world, renderer=renderer) for world, renderer in pairs]
-
-    @cached_property
-    def _renderers(self) -> list[Renderer]:
-        return [world.renderer() for world in self._worlds]
+    def _load(self, scene: str, avatars: Path | None) -> _Loaded:
+        world = evaluation_world(scene, tried_settings(self._plan), avatars=avatars, seed=self._plan.seed)
+        renderer = world.renderer()
+        return _Loaded(world=world, renderer=renderer, evaluator=make_evaluator(world, renderer=renderer))
 
 
 def drive_test(

@@ -44,7 +44,7 @@ def first_plan(
         robot: The robot's file; a camera of 72x128 pixels by default.
         keys: Keys of the command line, by section.
         minutes: Wall time of the whole run [min].
-        avatars: Avatars that are varied for the data; None for the embedded ones.
+        avatars: Avatars of the run; None for the embedded ones.
         seed: Seed of the episodes and of the training.
 
     Raises:

@@ -34,6 +34,7 @@ from readygo.apps.learn.plan import LOCK_FILE, free_name, lock_folder, state_of
 from readygo.apps.report.evaluation import REPORT_FILE
 from readygo.apps.report.page import CommandLine, PageLink
 from readygo.apps.report.perception import PerceptionContent
+from readygo.common.avatars.cast import learned_and_tested
 from readygo.common.avatars.variants import write_variants
 from readygo.common.config import section_to_mapping
 from readygo.common.cores import available_cores
@@ -66,7 +67,7 @@ from readygo.services.planner import MixName
 from readygo.services.renderer import RendererConfig
 from readygo.services.trainer import PerceptionConfig
 
-FORMAT = "readygo-perceive/3"
+FORMAT = "readygo-perceive/4"
 ROBOT = RobotConfig()
 STATE_FILE, SETTINGS_FILE = "perceive.json", "settings.toml"
 VARIANTS_A_MINUTE, VARIANTS = 4, (56, 200)
@@ -104,7 +105,7 @@ class PerceivePlan:
     minutes: float
     """Wall time of recording and training [min]."""
     avatars: Path | None
-    """Avatars that are varied for the data, and walk in the test."""
+    """Avatars of the run; None for the embedded ones. Some are kept for the test, see `learned_and_tested`."""
     seed: int
     policy_on_states: bool = True
     """Train a policy on states beside, where there is a second core."""
@@ -113,6 +114,16 @@ class PerceivePlan:
     def perception(self) -> Path:
         """Folder of the network."""
         return self.out / PERCEPTION
+
+    @property
+    def learned(self) -> Path | None:
+        """Avatars that are varied for the data, and walk on the split val."""
+        return learned_and_tested(self.avatars)[0]
+
+    @property
+    def tested(self) -> Path | None:
+        """Avatars that walk in the test."""
+        return learned_and_tested(self.avatars)[1]
 
     @property
     def people(self) -> Path:
@@ -191,6 +202,7 @@ def check_plan(plan: PerceivePlan) -> None:
     Raises:
         RunError: If the budget is none, no scene is named, or one twice, or the folder holds something else.
         SceneError: If there is no such scene.
+        AvatarError: If there are no avatars.
         ConfigError: If perception cannot be trained for the robot.
     """
     if not plan.minutes > 0:
@@ -198,6 +210,7 @@ def check_plan(plan: PerceivePlan) -> None:
     if reason := not_one_camera(plan.config.robot):
         raise ConfigError(f"--form perceive is for one robot with one camera, not for {reason}: use --form policy.")
     hashes = [scene.content_hash for scene in open_scenes(plan.scenes)]
+    learned_and_tested(plan.avatars)
     state = plan.out / STATE_FILE
     if state.exists():
         theirs = read_state(plan).get("scenes")
@@ -259,7 +272,7 @@ def _learn(
     settings = section_to_mapping(tested_settings(plan.config))
     told = {name: section for name, section in settings.items() if name not in ("recorder", "coordinator")}
     write_toml(plan.out / SETTINGS_FILE, told, raises=RunError)
-    write_variants(plan.avatars, plan.people, int(state["variants"]), plan.seed)
+    write_variants(plan.learned, plan.people, int(state["variants"]), plan.seed)
     names: list[str] = []
     for scene in plan.scenes:
         names.append(free_name(open_scene(scene).name or "scene", names))
@@ -323,7 +336,7 @@ def _reinforcement(plan: PerceivePlan, lock: int) -> Iterator[Callable[..., None
         *("--minutes", f"{RL_SHARE * plan.minutes:g}"),
         *("--train-episodes", str(episodes), "--val-episodes", str(min(episodes, 400))),
         *("--demonstrations", str(lessons), "--workers", "1"),
-        *(("--avatars", str(plan.avatars)) if plan.avatars else ()),
+        *(("--avatars", str(plan.learned)) if plan.learned else ()),
     ]
     one = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")}
     path = plan.out / "rl.log"
@@ -375,7 +388,7 @@ def _val_rates(
     plan: PerceivePlan, scene: str, episodes: int, tell: Callable[[EpisodeRecord], None]
 ) -> dict[str, float]:
     """Success rates of the drivers among pedestrians on the split val of a scene."""
-    world = evaluation_world(scene, tested_settings(plan.config), avatars=plan.avatars, seed=plan.seed, split=Split.VAL)
+    world = evaluation_world(scene, tested_settings(plan.config), avatars=plan.learned, seed=plan.seed, split=Split.VAL)
     evaluator = make_evaluator(world, renderer=world.renderer(), methods=named_methods(world, DRIVERS, plan.out))
     request = EvaluateRequest(
         tasks=(Task.DYNAMIC,), methods=DRIVERS, episodes=episodes, seed=plan.seed, split=Split.VAL
@@ -449,7 +462,7 @@ def _test(
     plan: PerceivePlan, scene: str, name: str, method: str, episodes: int, tested: Callable[[EpisodeRecord], None]
 ) -> EvaluateReply:
     """Drive the test episodes of a scene, and write their pages."""
-    world = evaluation_world(scene, tested_settings(plan.config), avatars=plan.avatars, seed=plan.seed)
+    world = evaluation_world(scene, tested_settings(plan.config), avatars=plan.tested, seed=plan.seed)
     methods = (method, *BESIDE)
     renderer, request = world.renderer(), EvaluateRequest(episodes=episodes, seed=plan.seed, methods=methods)
     evaluator = make_evaluator(world, renderer=renderer, methods=named_methods(world, methods, plan.out))
@@ -475,7 +488,7 @@ def perception_content(learned: Perceived, scenes: Sequence[str]) -> PerceptionC
     """
     plan, places = learned.plan, list(learned.replies)
     test = f"readygo evaluate {scenes[0]} --methods {learned.method} expert --checkpoints {plan.out}"
-    test += f" --config {plan.out / SETTINGS_FILE}" + (f" --avatars {plan.avatars}" if plan.avatars else "")
+    test += f" --config {plan.out / SETTINGS_FILE}" + (f" --avatars {plan.tested}" if plan.tested else "")
     teacher = f" --teacher {plan.out / RL}" if is_state_policy(plan.out / RL) else ""
     return PerceptionContent(
         title=f"{learned.method} in {', '.join(places) or ', '.join(scenes)}",
@@ -484,6 +497,7 @@ def perception_content(learned: Perceived, scenes: Sequence[str]) -> PerceptionC
         scores=driver_scores(learned.replies),
         metrics=learned.metrics,
         minutes=learned.minutes,
+        unseen=plan.tested != plan.learned,
         pages=[PageLink(href=f"{TEST_FOLDER}/{name}/{REPORT_FILE}", what=name) for name in places],
         commands=[
             CommandLine(what="test it again, with videos", line=f"{test} --out {plan.out / 'again'} --video worst"),

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from readygo.apps.learn.config import GoalName, LearnConfig, load_learn_config
+from readygo.common.avatars.cast import learned_and_tested
 from readygo.common.camera import CameraConfig
 from readygo.common.documents import read_json, write_json
 from readygo.common.errors import ConfigError, RunError, SceneError, cause
@@ -87,7 +88,9 @@ class LearnPlan:
     learn: LearnConfig
     budget: Budget
     avatars: Path | None
-    """Avatars of the measurements; those of the data as well, except in the form "paper"."""
+    """Avatars of the measurements during the run; those of the data as well, except in the form "paper"."""
+    tested: Path | None
+    """Avatars of the test."""
     seed: int
     perception: Path | None = None
     """Folder of trained perception whose network is the policy's encoder; None for an encoder that learns with it."""
@@ -252,7 +255,8 @@ def make_plan(
         budget: When it ends.
         avatars: Avatar file or folder; None for the embedded ones.
         seed: Seed of the recording runs.
-        people: Avatars that walk in the data; those of `avatars` by default.
+        people: Avatars that walk in the data, varied from the first ones of `learned_and_tested`, whose second ones
+            walk in the test; `avatars` for all of them by default.
         teacher: As for `with_teacher`; None for what `LearnConfig.teacher` says, or the expert.
         perception: Folder of trained perception whose network is the encoder; None for one that learns with the policy.
 
@@ -279,13 +283,15 @@ def make_plan(
         if teacher is not None:
             spec = with_teacher(spec, config, teacher)
         places.append(LearnPlace(name=name, scene=scene, spec=spec, folder=folder))
+    learned, tested = learned_and_tested(avatars) if people else (avatars, avatars)
     plan = LearnPlan(
         out=out,
         places=tuple(places),
         config=config,
         learn=learn,
         budget=budget,
-        avatars=avatars,
+        avatars=learned,
+        tested=tested,
         seed=seed,
         perception=perception,
     )

@@ -13,6 +13,11 @@ _DECIDES = {
     "perceive-and-plan": "The expert plans among them.",
     "perceive-and-act": "A policy that learned by reinforcement decides.",
 }
+_UNSEEN = "The people of the test do not walk in the data; neither do variants of them."
+_SEEN = (
+    "Variants of the people of the test walk in the data: people whom the network has not seen may be harder. With "
+    "eight avatars or more, a quarter is kept for the test."
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,6 +35,8 @@ class PerceptionContent:
     """What `metrics.json` of the network holds."""
     minutes: float
     """Wall time of recording and training [min]."""
+    unseen: bool
+    """True if the people of the test do not walk in the data."""
     pages: Sequence[PageLink]
     """Pages of the test episodes."""
     commands: Sequence[CommandLine]
@@ -43,6 +50,7 @@ def perception_html(content: PerceptionContent) -> str:
     tiles += [(percent(score.summary.success_rate), f"success {score.task}") for score in dynamic]
     driving: list[Block] = success_rates(content.scores, watched=content.method) if content.scores else []
     if content.pages:
+        driving.append(Paragraph(text=_UNSEEN if content.unseen else _SEEN))
         driving.append(Paragraph(text="All test episodes, with the failures:", links=content.pages))
     return page(
         content.title,

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from readygo.common.avatars.avatar import Avatar
-from readygo.common.avatars.file import load_avatars
+from readygo.common.avatars.file import avatar_paths, load_avatars
 from readygo.common.errors import AvatarError
 
 TRAIN, TEST = "train", "test"
@@ -47,6 +47,23 @@ def load_cast(path: Path | None) -> dict[str, Avatar]:
 def with_cast(place: Path | None, cast: str) -> Path:
     """The name of a cast, see `split_cast`."""
     return Path(f"{place or EMBEDDED}:{cast}")
+
+
+def learned_and_tested(path: Path | None) -> tuple[Path | None, Path | None]:
+    """Whom to learn among, and whom to test among: the casts of a place of avatars.
+
+    Both are the place itself where it names a cast already, or has too few avatars to be split.
+
+    Args:
+        path: As for `split_cast`.
+
+    Raises:
+        AvatarError: If there is no avatar.
+    """
+    place, cast = split_cast(path)
+    if len(avatar_paths(place)) < TRAIN_MIN + TEST_MIN or cast:
+        return path, path
+    return with_cast(place, TRAIN), with_cast(place, TEST)
 
 
 def members(avatars: Mapping[str, Value], cast: str) -> dict[str, Value]:

@@ -86,12 +86,16 @@ class CpuEngine:
         """Move faint Gaussians at random; see `density.add_noise`."""
         add_noise(self._gaussians, size_m, rng)
 
-    def seen_by(self, photos: PhotoStore, numbers: Sequence[int], pixels_min: float) -> Int64Array:
-        """In how many of these views each Gaussian covers more than so many pixels, shape (N,)."""
-        leaves, views = leaves_of(self._gaussians), np.zeros(len(self._gaussians), dtype=np.int64)
-        for rows in self._pool.map(lambda number: observe(leaves, photos[number], pixels_min), numbers):
-            views[rows] += 1
-        return views
+    def seen_by(self, photos: PhotoStore, groups: Sequence[Sequence[int]], pixels_min: float) -> Int64Array:
+        """In how many of these groups a view has each Gaussian on more than so many pixels, shape (N,)."""
+        leaves, counts = leaves_of(self._gaussians), np.zeros(len(self._gaussians), dtype=np.int64)
+
+        def shown(group: Sequence[int]) -> Int64Array:
+            return np.unique(np.concatenate([observe(leaves, photos[number], pixels_min) for number in group]))
+
+        for rows in self._pool.map(shown, groups):
+            counts[rows] += 1
+        return counts
 
     @property
     def gpu_bytes(self) -> int:

@@ -164,16 +164,19 @@ class CudaEngine:
         axes = rotations(self._values["quats_wxyz"]) * torch.exp(self._values["log_scales"])[:, None]
         self._values["means_m"] += (axes @ (axes.mT @ noise))[..., 0] * strength
 
-    def seen_by(self, photos: PhotoStore, numbers: Sequence[int], pixels_min: float) -> Int64Array:
-        """In how many of these views each Gaussian covers more than so many pixels, shape (N,)."""
-        views = torch.zeros(len(self), dtype=torch.int64, device=self._device)
+    def seen_by(self, photos: PhotoStore, groups: Sequence[Sequence[int]], pixels_min: float) -> Int64Array:
+        """In how many of these groups a view has each Gaussian on more than so many pixels, shape (N,)."""
+        found = torch.zeros(len(self), dtype=torch.int64, device=self._device)
         shapes = {name: value.detach() for name, value in self._values.items()}
         nothing = shapes["means_m"][:, :0]
-        for number in numbers:
-            drawn = self._draw(shapes, self._view(photos, number), nothing)
-            drawn.nothing.backward()  # type: ignore[no-untyped-call]
-            views += drawn.weight > pixels_min
-        counts: Int64Array = views.cpu().numpy()
+        for group in groups:
+            shown = torch.zeros(len(self), dtype=torch.bool, device=self._device)
+            for number in group:
+                drawn = self._draw(shapes, self._view(photos, number), nothing)
+                drawn.nothing.backward()  # type: ignore[no-untyped-call]
+                shown |= drawn.weight > pixels_min
+            found += shown
+        counts: Int64Array = found.cpu().numpy()
         return counts
 
     @property

@@ -64,8 +64,8 @@ class Engine(Protocol):
     def add_noise(self, size_m: float, rng: np.random.Generator) -> None:
         """Move faint Gaussians at random; see `density.add_noise`."""
 
-    def seen_by(self, photos: PhotoStore, numbers: Sequence[int], pixels_min: float) -> Int64Array:
-        """In how many of these views each Gaussian covers more than so many pixels, shape (N,)."""
+    def seen_by(self, photos: PhotoStore, groups: Sequence[Sequence[int]], pixels_min: float) -> Int64Array:
+        """In how many of these groups a view has each Gaussian on more than so many pixels, shape (N,)."""
 
     @property
     def gpu_bytes(self) -> int:

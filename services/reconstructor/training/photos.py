@@ -288,3 +288,16 @@ def split_views(moments: Sequence[int] | Int64Array, hold_out: int) -> tuple[tup
     """
     held = tuple(number for number, moment in enumerate(moments) if hold_out and moment % hold_out == 0)
     return tuple(number for number in range(len(moments)) if number not in held), held
+
+
+def views_by_moment(moments: Int64Array, numbers: Sequence[int]) -> list[list[int]]:
+    """Some views, those of each moment together.
+
+    Args:
+        moments: Number of the moment that each view shows.
+        numbers: The views.
+    """
+    groups: dict[int, list[int]] = {}
+    for number in numbers:
+        groups.setdefault(int(moments[number]), []).append(number)
+    return list(groups.values())

@@ -41,7 +41,14 @@ from readygo.services.reconstructor.training.measured import points_of_depths
 from readygo.services.reconstructor.training.memory import check_memory, gpu_memory
 from readygo.services.reconstructor.training.neighbours import choose_neighbours, neighbour_distances
 from readygo.services.reconstructor.training.parameters import Gaussians, initial_gaussians
-from readygo.services.reconstructor.training.photos import PhotoStore, Posed, model_of, open_posed, split_views
+from readygo.services.reconstructor.training.photos import (
+    PhotoStore,
+    Posed,
+    model_of,
+    open_posed,
+    split_views,
+    views_by_moment,
+)
 from readygo.services.reconstructor.training.progress import Tell, TrainingProgress
 from readygo.services.reconstructor.training.schedule import TrainingSchedule
 from readygo.services.reconstructor.training.score import PREVIEWS, HeldOut, measure, picture_name, write_picture
@@ -58,8 +65,9 @@ _NEIGHBOURS, _NEIGHBOUR_ANGLE_MAX_DEG, _NEIGHBOUR_DISTANCE_MIN_M = 8, 30.0, 0.01
 """Views that a view is compared with (as PGSR): most of them, largest angle [deg], least distance [m]."""
 _ALONE_MAX = 0.1
 """A larger share of images without a neighbour is worth a note."""
-_TRIM_VIEWS = 2
-"""Gaussians of surfaces must be seen by this many views."""
+_TRIM_MOMENTS = 2
+"""Gaussians of surfaces must be seen at this many moments: views of one moment, as those that a 360-degree image is cut
+into, have one place."""
 _SAVE_EVERY_S = 120.0
 _TELL_EVERY_S = 1.0
 _OPACITY = {"gradients": 0.1, "mcmc": 0.5}
@@ -158,6 +166,7 @@ class _Training:
         self._posed, self._folder, self._settings, self._identity, self._tell = posed, folder, settings, identity, tell
         self._engine = engine
         self._train, self._held = split_views(posed.moments, settings.hold_out)
+        self._by_moment = views_by_moment(posed.moments, self._train)
         self._schedule = TrainingSchedule(settings, posed.extent_m)
         self._seconds: dict[str, float] = {}
         self._step, self._loss, self._saved_step = 0, math.nan, 0
@@ -248,7 +257,7 @@ class _Training:
             self._exposures.step(numbers, [view.exposure for view in views], _EXPOSURES_RATE, self._train)
         with self._clock("density"):
             if schedule.trims(step):
-                hidden = self._rarely_seen(photos, _TRIM_VIEWS)
+                hidden = self._rarely_seen(photos, _TRIM_MOMENTS)
                 self._edit(lambda gaussians: make_faint(gaussians, hidden, self._settings.density))
             self._change_density()
 
@@ -288,11 +297,11 @@ class _Training:
         change(gaussians)
         self._engine.load(gaussians, seen)
 
-    def _rarely_seen(self, photos: PhotoStore, views_min: int) -> BoolArray:
-        """True for Gaussians that fewer than `views_min` training views show, shape (N,)."""
+    def _rarely_seen(self, photos: PhotoStore, moments_min: int) -> BoolArray:
+        """True for Gaussians that training views of fewer than `moments_min` moments show, shape (N,)."""
         # What is small on a reduced image may be what a whole one needs.
         pixels_min = OBSERVED_PX / self._fraction**2
-        return self._engine.seen_by(photos, self._train, pixels_min) < views_min
+        return self._engine.seen_by(photos, self._by_moment, pixels_min) < moments_min
 
     def _check_some_left(self, count: int) -> None:
         if not count:

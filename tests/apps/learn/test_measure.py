@@ -1,11 +1,19 @@
+import dataclasses
+import json
 import shutil
+from pathlib import Path
 
 import pytest
 
+from readygo.apps.learn import measure as module
 from readygo.apps.learn.measure import Measuring, success_rate, tried_settings
 from readygo.apps.learn.plan import LearnPlan
+from readygo.common.avatars.cast import load_cast
 from readygo.common.episode.metrics import EpisodeResult
 from readygo.common.messages import EpisodeKey, Outcome, Split
+from readygo.runs.config import RunConfig
+from readygo.runs.evaluation import evaluation_world
+from readygo.runs.world import World
 from readygo.services.evaluator import EXPERT, POLICY, STRAIGHT_LINE, EpisodeRecord, EvaluateReply, Task
 
 
@@ -35,6 +43,26 @@ def test_measurement_is_of_both_tasks_and_can_be_ended(tiny: LearnPlan) -> None:
     with pytest.raises(StopError):
         measuring.val(tiny.policy, "ab", 2, 0.5, report=report)
     assert [name for name, _ in told] == ["embedded"]
+
+
+def test_avatars_of_the_test_walk_in_the_test_alone(
+    tiny: LearnPlan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Path | None] = []
+
+    def world(scene: str, config: RunConfig, *, avatars: Path | None, seed: int) -> World:
+        asked.append(avatars)
+        return evaluation_world(scene, config, avatars=avatars, seed=seed)
+
+    monkeypatch.setattr(module, "evaluation_world", world)
+    train, test = Path("embedded:train"), Path("embedded:test")
+    measuring = Measuring(dataclasses.replace(tiny, avatars=train, tested=test))
+    for _ in range(2):
+        measuring.val(tiny.policy, "ab", 1, 0.5)
+    measuring.test(tiny.policy, 1, tmp_path, lambda _: None)
+    assert asked == [train, test]
+    settings = json.loads((tmp_path / "embedded" / "settings.json").read_text())
+    assert set(settings["avatars"]) == set(load_cast(test))
 
 
 def test_test_episodes_are_driven_by_all_and_written_down(tiny: LearnPlan, tmp_path) -> None:

@@ -20,9 +20,10 @@ from readygo.apps.learn.perceive import (
 )
 from readygo.apps.learn.plan import lock_folder
 from readygo.apps.report.perception import reason
+from readygo.common.avatars.cast import load_cast
 from readygo.common.camera import CameraConfig
-from readygo.common.errors import ConfigError, RunError
-from readygo.common.messages import RunSpec
+from readygo.common.errors import AvatarError, ConfigError, RunError
+from readygo.common.messages import RunSpec, Split
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.ranges import RobotRanges
 from readygo.runs.config import config_of, load_run_config, with_mix
@@ -30,6 +31,7 @@ from readygo.services.driver import DriverConfig
 from readygo.services.evaluator import EvaluateRequest, Task
 from tests.common.state_policy.state_policies import write_state_policy
 
+do_test = module._test
 HELD_OUT = {
     "images": 1, "people": 1, "average_precision": 1.0, "bearing_deg": 1.0, "distance": 0.1, "missed": 0.0,
     "false_per_image": 0.0, "along_r2": 0.5, "across_r2": 0.5, "rays": 0.1,
@@ -281,6 +283,47 @@ def test_policy_on_states_is_trained_meanwhile_and_the_better_driver_on_val_is_t
     assert len(asked) == 1
     text = reason(perception_content(learned, ["embedded"]))
     assert "60 % by perceive-and-act, 40 % by perceive-and-plan" in text
+
+
+def test_people_of_the_test_are_kept_out_of_all_else(
+    tmp_path: Path, steps: list[tuple[str, object]], rl: list[list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[tuple[Split, Path | None]] = []
+
+    def world(*_: object, avatars: Path | None, seed: int, split: Split = Split.TEST) -> SimpleNamespace:
+        asked.append((split, avatars))
+        return SimpleNamespace(renderer=lambda: None)
+
+    monkeypatch.setattr(module, "evaluation_world", world)
+    monkeypatch.setattr(module, "make_evaluator", lambda *_, **__: None)
+    monkeypatch.setattr(module, "named_methods", lambda *_: {})
+    rates = {(Task.DYNAMIC, name): SimpleNamespace(success_rate=0.5) for name in module.DRIVERS}
+    monkeypatch.setattr(module, "handle_evaluate", lambda *_, **__: SimpleNamespace(summaries=rates))
+    monkeypatch.setattr(module, "VARIANTS", (6, 6))
+    plan = dataclasses.replace(plan_of(tmp_path / "run"), avatars=None)
+    content = perception_content(learn_to_perceive(plan, episodes=2), ["embedded"])
+    assert {path.name.partition("-")[0] for path in plan.people.iterdir()} == set(load_cast(Path("embedded:train")))
+    (command,) = rl
+    assert command[command.index("--avatars") + 1] == "embedded:train"
+    assert content.unseen
+    assert content.commands[0].line.partition(" --avatars ")[2].startswith("embedded:test ")
+    for name in ("drive_test", "evaluation_settings", "method_hashes"):
+        monkeypatch.setattr(module, name, lambda *_, **__: None)
+    do_test(plan, "embedded", "flat", "perceive-and-plan", 1, print)
+    assert asked == [(Split.VAL, Path("embedded:train")), (Split.TEST, Path("embedded:test"))]
+
+
+def test_few_people_walk_in_the_data_and_in_the_test(tmp_path: Path, steps: list[tuple[str, object]]) -> None:
+    plan = plan_of(tmp_path / "run")
+    assert plan.learned == plan.tested == Path("embedded:test")
+    assert not perception_content(learn_to_perceive(plan, episodes=1), ["embedded"]).unseen
+
+
+def test_missing_avatars_are_refused_before_anything_is_written(tmp_path: Path) -> None:
+    plan = dataclasses.replace(plan_of(tmp_path / "run"), avatars=tmp_path / "none")
+    with pytest.raises(AvatarError, match="does not exist"):
+        check_plan(plan)
+    assert not plan.out.exists()
 
 
 def test_policy_on_states_that_fails_ends_the_run_with_its_message(

@@ -179,8 +179,18 @@ def test_people_of_the_data_may_be_others_than_those_of_the_measurements(tmp_pat
         ("embedded",), tmp_path / "run", settings, LearnConfig(), budget,
         avatars=Path("embedded:test"), seed=0, people=people,
     )  # fmt: skip
-    assert plan.avatars == Path("embedded:test")
+    assert plan.avatars == plan.tested == Path("embedded:test")
     assert plan.places[0].spec.avatars_path == str(people)
+
+
+def test_of_varied_people_some_are_kept_for_the_test(tmp_path: Path) -> None:
+    people = tmp_path / "people"
+    write_variants(Path("embedded:train"), people, 1, 0)
+    settings, budget = learn_settings(None, None), Budget(minutes=1.0)
+    for number, (given, cast) in enumerate([(people, ("embedded:train", "embedded:test")), (None, (None, None))]):
+        out = tmp_path / str(number)
+        plan = make_plan(("embedded",), out, settings, LearnConfig(), budget, avatars=None, seed=0, people=given)
+        assert (plan.avatars, plan.tested) == tuple(place and Path(place) for place in cast)
 
 
 def test_one_teacher_labels_in_several_scenes(tmp_path: Path) -> None:

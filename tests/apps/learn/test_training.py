@@ -102,6 +102,7 @@ def test_trainer_reads_the_recipe_of_the_plan(tmp_path: Path, encoder: str | Non
         learn=LearnConfig(),
         budget=Budget(minutes=30.0, samples=9000),
         avatars=None,
+        tested=None,
         seed=4,
         perception=perception,
     )

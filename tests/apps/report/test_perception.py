@@ -1,3 +1,4 @@
+import dataclasses
 from pathlib import Path
 
 import pytest
@@ -26,6 +27,7 @@ def content() -> PerceptionContent:
         scores=(),
         metrics=METRICS,
         minutes=61.2,
+        unseen=True,
         pages=(PageLink(href="evaluation/hall/report.html", what="hall"),),
         commands=(CommandLine(what="test it again", line="readygo evaluate hall"),),
     )
@@ -45,6 +47,13 @@ def test_page_says_what_is_seen_and_how_to_go_on(content: PerceptionContent) -> 
     ):
         assert text in html
     assert "readygo evaluate hall" in html
+
+
+def test_page_says_whether_the_people_of_the_test_were_seen(content: PerceptionContent) -> None:
+    assert "do not walk in the data; neither do variants" in perception_html(content)
+    seen = perception_html(dataclasses.replace(content, unseen=False))
+    assert "neither do variants" not in seen
+    assert "Variants of the people of the test walk in the data" in seen
 
 
 def test_facts_without_held_out_images_are_the_number_learned_from() -> None:

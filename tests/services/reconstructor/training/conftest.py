@@ -34,6 +34,20 @@ def camera(number: int) -> Photo:
     return Photo(rgb=np.zeros((3, *SIZE_PX), np.float32), K_px=K, T_world_camera=T)
 
 
+def rig_frames(model: Path) -> None:
+    """Make images 0 and 3, 1 and 4, 2 and 5 of a model views of a rig, 0.36 m apart."""
+    lens = (model / "cameras.txt").read_text().partition(" ")[2]
+    (model / "cameras.txt").write_text(f"1 {lens}2 {lens}")
+    lines = (model / "images.txt").read_text().splitlines()
+    for row in (6, 8, 10):
+        columns = lines[row].split()
+        lines[row] = " ".join([*columns[:8], "2", columns[9]])
+    (model / "images.txt").write_text("\n".join(lines) + "\n")
+    (model / "rigs.txt").write_text("1 2 CAMERA 1 CAMERA 2 1 1 0 0 0 -0.36 0 0\n")
+    frames = [f"{k + 1} 1 1 0 0 0 {0.3 - 0.12 * k} 0 0 2 CAMERA 1 {k + 1} CAMERA 2 {k + 4}" for k in range(3)]
+    (model / "frames.txt").write_text("\n".join(frames) + "\n")
+
+
 @pytest.fixture
 def few_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     """A training of 40 steps in which all happens that happens in thousands."""

@@ -113,10 +113,11 @@ def test_masks_and_depths_are_those_of_the_cpu(write_posed: Write, tmp_path: Pat
 
 def test_views_that_show_a_gaussian_are_those_of_the_cpu(photos: PhotoStore) -> None:
     one, other = loaded(CpuEngine(PLAIN)), loaded(in_cuda(PLAIN))
-    wanted = one.seen_by(photos, range(VIEWS), 0.1)
-    np.testing.assert_array_equal(other.seen_by(photos, range(VIEWS), 0.1), wanted)
+    groups = [[0, 1], *([number] for number in range(2, VIEWS))]
+    wanted = one.seen_by(photos, groups, 0.1)
+    np.testing.assert_array_equal(other.seen_by(photos, groups, 0.1), wanted)
     assert wanted[7] == 0
-    assert wanted.max() == VIEWS
+    assert wanted.max() == VIEWS - 1
 
 
 def test_noise_moves_faint_gaussians_as_far_as_the_cpu_does() -> None:

@@ -11,9 +11,9 @@ import pytest
 from readygo.common.drawing.files import write_png
 from readygo.common.errors import SceneError
 from readygo.services.reconstructor.training import photos
-from readygo.services.reconstructor.training.photos import PhotoStore, open_posed, split_views
+from readygo.services.reconstructor.training.photos import PhotoStore, open_posed, split_views, views_by_moment
 from tests.services.reconstructor.frames.test_exif import exif
-from tests.services.reconstructor.training.conftest import FOCAL_PX, SIZE_PX, VIEWS
+from tests.services.reconstructor.training.conftest import FOCAL_PX, SIZE_PX, VIEWS, rig_frames
 
 Write = Callable[[Path], Path]
 
@@ -88,6 +88,10 @@ def test_all_views_of_one_moment_are_held_out_together() -> None:
     assert split_views((0, 1, 0, 1), 0) == ((0, 1, 2, 3), ())
 
 
+def test_views_are_put_together_by_moment() -> None:
+    assert views_by_moment(np.array([0, 1, 2, 0, 1, 2]), (1, 2, 3, 4)) == [[1, 4], [2], [3]]
+
+
 def test_each_photo_shows_a_moment_of_its_own_and_views_of_a_rig_one(write_posed: Write, tmp_path: Path) -> None:
     folder = write_posed(tmp_path / "posed")
     posed = open_posed(folder, tmp_path / "undistorted")
@@ -101,20 +105,6 @@ def test_undistorted_views_of_a_rig_show_its_moments(write_posed: Write, tmp_pat
     folder = distorted(write_posed(tmp_path / "posed"))
     rig_frames(folder / "sparse" / "0")
     np.testing.assert_array_equal(open_posed(folder, tmp_path / "undistorted").moments, [0, 1, 2, 0, 1, 2])
-
-
-def rig_frames(model: Path) -> None:
-    """Make images 0 and 3, 1 and 4, 2 and 5 of a model views of a rig, 0.36 m apart."""
-    lens = (model / "cameras.txt").read_text().partition(" ")[2]
-    (model / "cameras.txt").write_text(f"1 {lens}2 {lens}")
-    lines = (model / "images.txt").read_text().splitlines()
-    for row in (6, 8, 10):
-        columns = lines[row].split()
-        lines[row] = " ".join([*columns[:8], "2", columns[9]])
-    (model / "images.txt").write_text("\n".join(lines) + "\n")
-    (model / "rigs.txt").write_text("1 2 CAMERA 1 CAMERA 2 1 1 0 0 0 -0.36 0 0\n")
-    frames = [f"{k + 1} 1 1 0 0 0 {0.3 - 0.12 * k} 0 0 2 CAMERA 1 {k + 1} CAMERA 2 {k + 4}" for k in range(3)]
-    (model / "frames.txt").write_text("\n".join(frames) + "\n")
 
 
 def test_depth_is_the_median_along_the_axes_of_the_views_that_see_the_points(

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 import pytest
 
+from readygo.common.arrays import Int64Array
 from readygo.common.errors import RunError, SceneError
 from readygo.common.gaussians.files import read_gaussians
 from readygo.services.reconstructor.training import density, schedule, train
@@ -20,8 +21,11 @@ from readygo.services.reconstructor.training.config import (
     GaussiansConfig,
     GeometryConfig,
 )
+from readygo.services.reconstructor.training.cpu import CpuEngine
+from readygo.services.reconstructor.training.photos import PhotoStore
 from readygo.services.reconstructor.training.progress import TrainingProgress
 from readygo.services.reconstructor.training.train import train_gaussians
+from tests.services.reconstructor.training.conftest import rig_frames
 
 SETTINGS = GaussiansConfig(
     steps=40,
@@ -169,6 +173,22 @@ def test_surfaces_without_a_neighbour_are_told(write_posed: Write, tmp_path: Pat
     assert report["without_neighbour"] == 4
     (note,) = report["notes"]
     assert note.startswith("4 of 4 training images have no neighbour")
+
+
+def test_views_of_one_moment_count_as_one_where_gaussians_are_trimmed(
+    write_posed: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    posed, asked, seen_by = write_posed(tmp_path / "posed"), [], CpuEngine.seen_by
+    rig_frames(posed / "sparse" / "0")
+
+    def watched(engine: CpuEngine, photos: PhotoStore, groups: list[list[int]], pixels_min: float) -> Int64Array:
+        asked.append(groups)
+        return seen_by(engine, photos, groups, pixels_min)
+
+    monkeypatch.setattr(CpuEngine, "seen_by", watched)
+    train_gaussians(posed, tmp_path / "out", replace(SURFACES, steps=4, hold_out=0), silent)
+    assert len(asked) == 3, "after the first two steps, and at the end"
+    assert all(groups == [[0, 3], [1, 4], [2, 5]] for groups in asked)
 
 
 def show_intruder(posed: Path, value: int) -> Path:
