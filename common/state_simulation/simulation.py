@@ -49,7 +49,7 @@ class RewardConfig:
     """At the goal."""
     collision: float = -2.0
     """At a collision with an obstacle or a person."""
-    impact: float = 0.0
+    impact: float = -1.0
     """Per m/s of the robot's speed at a collision with a person: a robot that stands was walked into."""
     near: float = -0.05
     """At contact with a person; falls to 0 at `near_m`."""

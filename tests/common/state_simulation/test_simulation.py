@@ -94,7 +94,7 @@ def test_snapshot_continues_where_it_was_taken(drawn: Drawn) -> None:
 
 
 def test_rewards_of_an_episode_are_its_progress_time_and_end(drawn: Drawn) -> None:
-    reward = RewardConfig(turned=0.0, near=0.0, wall=0.0)
+    reward = RewardConfig(turned=0.0, near=0.0, wall=0.0, impact=0.0)
     fast = make(drawn, 24, config=StateSimulationConfig(reward=reward))
     fast.begin(np.arange(24), np.zeros(24, bool))
     first, earned, rng = fast.remaining_m.copy(), np.zeros(24), np.random.default_rng(2)
