@@ -210,6 +210,7 @@ def check_plan(plan: PerceivePlan) -> None:
     if reason := not_one_camera(plan.config.robot):
         raise ConfigError(f"--form perceive is for one robot with one camera, not for {reason}: use --form policy.")
     hashes = [scene.content_hash for scene in open_scenes(plan.scenes)]
+    # Avatars that are missing end here.
     learned_and_tested(plan.avatars)
     state = plan.out / STATE_FILE
     if state.exists():
