@@ -20,17 +20,8 @@ from readygo.apps.learn.config import GoalName, LearnConfig
 from readygo.apps.learn.crew import Reach
 from readygo.apps.learn.learn import learn_policy, report_content
 from readygo.apps.learn.paper import first_plan, minutes_after, policy_keys, teacher_of
-from readygo.apps.learn.perceive import (
-    BESIDE,
-    Perceived,
-    PerceivePlan,
-    Step,
-    check_plan,
-    learn_to_perceive,
-    not_one_camera,
-    perceive_settings,
-    perception_content,
-)
+from readygo.apps.learn.perceive import BESIDE, Perceived, Step, learn_to_perceive, perception_content
+from readygo.apps.learn.perceive_plan import PerceivePlan, check_plan, not_one_camera, perceive_settings
 from readygo.apps.learn.plan import FIRST_FOLDER, STATE, Budget, LearnPlan, learn_configs, make_plan
 from readygo.apps.learn.supervise import Now
 from readygo.apps.monitor.beside import show_page
@@ -65,8 +56,8 @@ class LearnTrainingOptions:
     """Training budget in samples, repeats counted, instead of minutes: the result depends less on the machine's
     load."""
     avatars: Path | None = None
-    """Avatar file or folder of avatars; the embedded ones by default. Of eight or more, the forms "perceive" and
-    "paper" keep a quarter for the test (`readygo evaluate --avatars FOLDER:test`), and learn among the others."""
+    """Avatar file or folder of avatars; the embedded ones by default. Of eight or more, a quarter is kept for the test
+    (`readygo evaluate --avatars FOLDER:test`), and the others walk in the data."""
     goal: GoalName | None = None
     """Goal input of the policy: "point" (the default) is its position, "image" the robot's view at the goal, or
     "both"."""
@@ -149,7 +140,7 @@ def _learn_policy(options: LearnOptions, given: Mapping[str, str], people: Path 
     Args:
         options: What the run is told.
         given: Options of the command in the report that learns on.
-        people: Varied avatars that walk in the data; by default the avatars themselves.
+        people: Varied avatars that walk in the data; by default the avatars that are not kept for the test.
     """
     if options.on == "hosts" and not options.fleet.listen:
         raise RunError("--on hosts needs --listen with an address that they reach, such as tls/10.0.0.5:7447.")

@@ -154,7 +154,7 @@ def _write_pictures(out: Path, learned: Learned) -> None:
         content,
         title="readygo demo",
         video=out / "episode.webm",
-        scores_note="A few minutes show the way, not what a policy can do.",
+        scores_note=f"{content.scores_note} A few minutes show the way, not what a policy can do.",
         next_steps=_next_steps(),
     )
     write_report(out / "report.html", content)

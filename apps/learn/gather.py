@@ -17,7 +17,7 @@ from readygo.apps.pictures.recorded import RecordedEpisodes
 from readygo.apps.report.evaluation import FAILURES, GALLERY_FILE, REPORT_FILE
 from readygo.apps.report.learn import Ends, ReportContent, RunNumbers
 from readygo.apps.report.page import CommandLine, MediaFigure, PageLink, StripImage, film, percent
-from readygo.apps.report.tables import DriverScore
+from readygo.apps.report.tables import DriverScore, people_note
 from readygo.common.dataset import Dataset, EpisodeEntry
 from readygo.common.drawing.charts import Curve
 from readygo.common.episode import wilson_interval
@@ -86,6 +86,7 @@ def gather(
         films=tuple(_failures(films, recorded, driven, view)),
         pages=tuple(_pages(plan.out, replies)),
         scores=tuple(dataclasses.replace(score, driver=score.driver.replace("-", " ")) for score in scores),
+        scores_note=people_note(unseen=plan.tested != plan.avatars),
         run=run,
         commands=commands,
         provenance={

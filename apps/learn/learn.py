@@ -143,12 +143,13 @@ def _twice(budget: Budget) -> list[str]:
 
 def _commands(plan: LearnPlan, scenes: tuple[str, ...], options: Mapping[str, str]) -> tuple[CommandLine, ...]:
     policy, data, budget = plan.policy, plan.places[0].folder.path, plan.budget
+    people = f" --avatars {plan.tested}" if plan.tested else ""
     given = [word for option in options.items() for word in option if word]
     given += [] if "--minutes" in options else _twice(budget)
     resume = shlex.join(["readygo", "learn", *scenes, *given, "--out", str(plan.out)])
     return (
         CommandLine(what="learn on", line=resume),
-        CommandLine(what="measure", line=f"readygo evaluate {scenes[0]} {policy} --episodes 100"),
+        CommandLine(what="measure", line=f"readygo evaluate {scenes[0]} {policy}{people} --episodes 100"),
         CommandLine(what="check the data", line=f"readygo validate {data}"),
         CommandLine(what="what they cover", line=f"readygo coverage {data} --out {plan.out / 'coverage'}"),
         CommandLine(

@@ -7,7 +7,7 @@ RUN/            a run of the form "policy" among these avatars: that perception 
 from pathlib import Path
 
 from readygo.apps.learn.config import load_learn_config
-from readygo.apps.learn.perceive import PerceivePlan, check_plan, perceive_settings, read_state
+from readygo.apps.learn.perceive_plan import PerceivePlan, check_plan, perceive_settings, read_state
 from readygo.apps.learn.plan import FIRST_FOLDER, SMALL_CAMERA, STATE, check_new_folder, learn_configs
 from readygo.common.errors import ConfigError
 from readygo.common.images.names import RGB

@@ -253,15 +253,16 @@ def make_plan(
         config: Settings of the recording runs.
         learn: Settings of training.
         budget: When it ends.
-        avatars: Avatar file or folder; None for the embedded ones.
+        avatars: Avatar file or folder; None for the embedded ones. Some are kept for the test, see
+            `learned_and_tested`.
         seed: Seed of the recording runs.
-        people: Avatars that walk in the data, varied from the first ones of `learned_and_tested`, whose second ones
-            walk in the test; `avatars` for all of them by default.
+        people: Varied avatars that walk in the data; by default those of `avatars` that are not kept for the test.
         teacher: As for `with_teacher`; None for what `LearnConfig.teacher` says, or the expert.
         perception: Folder of trained perception whose network is the encoder; None for one that learns with the policy.
 
     Raises:
         SceneError: If there is no such scene, or it has no room for humans.
+        AvatarError: If there is no avatar.
         ConfigError: If a teacher is given and `learn` names one as well, or people cannot be tracked for the expert.
         PolicyError: If the teacher cannot be used, or was trained for another robot.
         RunError: If `out` holds something else, or was begun with other scenes or settings.
@@ -274,16 +275,16 @@ def make_plan(
         raise ConfigError(f'--teacher is {teacher}, and learn.teacher is "{learn.teacher}": leave one of them out.')
     if learn.teacher == TeacherKind.EXPERT_TRACKED.value:
         teacher = Path(learn.teacher)
+    learned, tested = learned_and_tested(avatars)
     places: list[LearnPlace] = []
     for scene, opened in zip(scenes, open_scenes(scenes), strict=True):
-        spec = make_spec(opened, people or avatars, config, seed=seed, split=Split.TRAIN, static=False)
+        spec = make_spec(opened, people or learned, config, seed=seed, split=Split.TRAIN, static=False)
         name = free_name(spec.metadata["scene"]["name"] or "scene", [place.name for place in places])
         folder = RunFolder(out / "data" / name)
         spec = with_offers(spec, config, learn.mix)
         if teacher is not None:
             spec = with_teacher(spec, config, teacher)
         places.append(LearnPlace(name=name, scene=scene, spec=spec, folder=folder))
-    learned, tested = learned_and_tested(avatars) if people else (avatars, avatars)
     plan = LearnPlan(
         out=out,
         places=tuple(places),

@@ -6,18 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from readygo.apps.report.page import Block, CommandLine, PageLink, Paragraph, fact_table, page, percent
-from readygo.apps.report.tables import DriverScore, success_rates
+from readygo.apps.report.tables import DriverScore, people_note, success_rates
 from readygo.common.files import write_whole
 
 _DECIDES = {
     "perceive-and-plan": "The expert plans among them.",
     "perceive-and-act": "A policy that learned by reinforcement decides.",
 }
-_UNSEEN = "The people of the test do not walk in the data; neither do variants of them."
-_SEEN = (
-    "Variants of the people of the test walk in the data: people whom the network has not seen may be harder. With "
-    "eight avatars or more, a quarter is kept for the test."
-)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,7 +45,7 @@ def perception_html(content: PerceptionContent) -> str:
     tiles += [(percent(score.summary.success_rate), f"success {score.task}") for score in dynamic]
     driving: list[Block] = success_rates(content.scores, watched=content.method) if content.scores else []
     if content.pages:
-        driving.append(Paragraph(text=_UNSEEN if content.unseen else _SEEN))
+        driving.append(Paragraph(text=people_note(unseen=content.unseen)))
         driving.append(Paragraph(text="All test episodes, with the failures:", links=content.pages))
     return page(
         content.title,

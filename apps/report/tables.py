@@ -37,6 +37,11 @@ _MEASURES_NOTE = (
     "a human's side. Near misses: encounters within 0.2 m, per episode. Jerk: root mean square of the speed's "
     "second derivative; turn acceleration: mean change of the turn rate."
 )
+_UNSEEN = "The people of the test do not walk in the data."
+_SEEN = (
+    "People of the test, or variants of them, walk in the data: people who were not seen there may be harder. With "
+    "eight avatars or more, a quarter is kept for the test."
+)
 _COMPARISON_COLUMNS = (
     *("Task", "Method", "Reference", "Episodes", "Only it succeeds", "Only the other"),
     *("McNemar's p", "Difference of SR", "Ratio of SR", "Ratio of times"),
@@ -52,6 +57,11 @@ class DriverScore:
     driver: str
     """Name of the driver: "policy", "expert", "straight line"."""
     summary: TaskSummary
+
+
+def people_note(*, unseen: bool) -> str:
+    """Whether the people of a run's test walk in its data, in a sentence or two."""
+    return _UNSEEN if unseen else _SEEN
 
 
 def success_rates(scores: Sequence[DriverScore], *, watched: str = "policy", note: str = "") -> list[Block]:

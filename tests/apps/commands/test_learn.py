@@ -12,7 +12,7 @@ from readygo.apps.commands import learn as command
 from readygo.apps.commands.learn import LearnOptions, LearnTrainingOptions, learn, line_of
 from readygo.apps.fleet.options import RouterOptions
 from readygo.apps.learn.choice import PolicyMeasurement
-from readygo.apps.learn.perceive import FORMAT, STATE_FILE
+from readygo.apps.learn.perceive_plan import FORMAT, STATE_FILE
 from readygo.apps.learn.supervise import Now
 from readygo.runs.scene_argument import open_scene
 from tests.common.state_policy.state_policies import write_state_policy

@@ -1,6 +1,8 @@
 import dataclasses
 import json
 
+import pytest
+
 from readygo.apps.learn.choice import PolicyMeasurement
 from readygo.apps.learn.curve import CurvePoint
 from readygo.apps.learn.gather import _story, driver_scores
@@ -58,8 +60,19 @@ def test_report_of_the_second_part_links_to_the_first(tiny: LearnPlan) -> None:
     page.unlink()
     page.parent.rmdir()
     assert [link.href for link in content.pages] == ["perceive/report.html"]
-    assert content.commands[0].line == f"readygo learn embedded --form paper --minutes 4 --out {tiny.out}"
+    learn_on, measure, *_ = (command.line for command in content.commands)
+    assert learn_on == f"readygo learn embedded --form paper --minutes 4 --out {tiny.out}"
+    assert measure == f"readygo evaluate embedded {tiny.policy} --avatars embedded:test --episodes 100"
     assert report_content(learned, ("embedded",)).pages == ()
+
+
+@pytest.mark.parametrize("kept", [True, False])
+def test_report_says_whether_the_people_of_the_test_were_seen(tiny: LearnPlan, kept: bool) -> None:
+    plan = tiny if kept else dataclasses.replace(tiny, avatars=None, tested=None)
+    learned = Learned(plan=plan, points=POINTS, chosen=CHOSEN, replies={}, minutes=1.0)
+    content = report_content(learned, ("embedded",))
+    assert ("do not walk in the data" in content.scores_note) == kept
+    assert any("--avatars" in command.line for command in content.commands) == kept
 
 
 def test_run_without_a_measurement_says_so(tiny: LearnPlan) -> None:

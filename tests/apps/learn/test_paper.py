@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from readygo.apps.learn.paper import LEAST_SHARE, first_plan, minutes_after, policy_keys, teacher_of
-from readygo.apps.learn.perceive import FORMAT, STATE_FILE, PerceivePlan
+from readygo.apps.learn.perceive_plan import FORMAT, STATE_FILE, PerceivePlan
 from readygo.common.errors import ConfigError, RunError
 from readygo.runs.scene_argument import open_scene
 from tests.common.state_policy.state_policies import write_state_policy

@@ -1,5 +1,4 @@
 import dataclasses
-import json
 from pathlib import Path
 from types import SimpleNamespace
 from typing import IO, Any
@@ -7,28 +6,17 @@ from typing import IO, Any
 import pytest
 
 from readygo.apps.learn import perceive as module
-from readygo.apps.learn.perceive import (
-    RECORD_SHARE,
-    STATE_FILE,
-    PerceivePlan,
-    Step,
-    check_plan,
-    learn_to_perceive,
-    perceive_settings,
-    perception_content,
-    read_state,
-)
+from readygo.apps.learn import perceive_plan, reinforcement
+from readygo.apps.learn.perceive import RECORD_SHARE, Step, learn_to_perceive, perception_content
+from readygo.apps.learn.perceive_plan import check_plan, read_state
 from readygo.apps.learn.plan import lock_folder
 from readygo.apps.report.perception import reason
 from readygo.common.avatars.cast import load_cast
-from readygo.common.camera import CameraConfig
-from readygo.common.errors import AvatarError, ConfigError, RunError
+from readygo.common.errors import RunError
 from readygo.common.messages import RunSpec, Split
-from readygo.common.robot import RobotConfig
-from readygo.common.robot.ranges import RobotRanges
 from readygo.runs.config import config_of, load_run_config, with_mix
-from readygo.services.driver import DriverConfig
 from readygo.services.evaluator import EvaluateRequest, Task
+from tests.apps.learn.perceive_plans import plan_of
 from tests.common.state_policy.state_policies import write_state_policy
 
 do_test = module._test
@@ -37,73 +25,6 @@ HELD_OUT = {
     "false_per_image": 0.0, "along_r2": 0.5, "across_r2": 0.5, "rays": 0.1,
 }  # fmt: skip
 METRICS = {"images": 9, "samples_seen": 64, "parameters": 7, "held_out": HELD_OUT}
-
-
-def plan_of(out: Path, *scenes: str, minutes: float = 10.0) -> PerceivePlan:
-    return PerceivePlan(
-        out=out,
-        scenes=scenes or ("embedded",),
-        config=perceive_settings(None, None),
-        minutes=minutes,
-        avatars=Path("embedded:test"),
-        seed=3,
-    )
-
-
-def test_settings_are_for_perception_and_the_test_is_without_them() -> None:
-    config = perceive_settings(None, None, {"renderer": {"labels": True}})
-    assert (config.robot, config.driver.camera_hz, config.renderer.labels) == (RobotConfig(), 5.0, True)
-    assert module.tested_settings(config).driver == DriverConfig()
-    assert module.tested_settings(config).robot == config.robot
-
-
-@pytest.mark.parametrize(
-    ("scenes", "minutes", "words"),
-    [
-        ((), 10.0, "Name a scene"),
-        (("embedded", "embedded"), 10.0, "named twice"),
-        (("embedded",), 0.0, "--minutes must be above 0, got 0"),
-    ],
-)
-def test_plan_that_makes_no_sense_is_refused_and_leaves_nothing(
-    scenes: tuple[str, ...], minutes: float, words: str, tmp_path: Path
-) -> None:
-    plan = PerceivePlan(
-        out=tmp_path / "run", scenes=scenes, config=perceive_settings(None, None), minutes=minutes, avatars=None, seed=0
-    )
-    with pytest.raises(RunError, match=words):
-        check_plan(plan)
-    assert not plan.out.exists()
-
-
-def test_usual_robot_is_that_of_the_caller_unless_a_file_has_another_camera(tmp_path: Path) -> None:
-    usual = RobotConfig(camera=CameraConfig(height_px=72, width_px=128))
-    assert perceive_settings(None, None, usual=usual).robot == usual
-    robot = tmp_path / "robot.toml"
-    robot.write_text("radius_m = 0.2\n")
-    own = perceive_settings(None, robot, usual=usual).robot
-    assert (own.radius_m, own.camera) == (0.2, usual.camera)
-    assert perceive_settings(None, robot).robot.camera == RobotConfig().camera
-
-
-def test_robot_that_perception_is_not_for_is_refused(tmp_path: Path) -> None:
-    robot = RobotConfig(ranges=RobotRanges(radius_m=(0.2, 0.3)))
-    plan = plan_of(tmp_path / "run")
-    with pytest.raises(ConfigError, match="not for a robot of ranges: use --form policy"):
-        check_plan(dataclasses.replace(plan, config=dataclasses.replace(plan.config, robot=robot)))
-    assert not plan.out.exists()
-
-
-def test_folder_of_something_else_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "notes").write_text("mine")
-    with pytest.raises(RunError, match="holds files of something else"):
-        check_plan(plan_of(tmp_path))
-    (tmp_path / STATE_FILE).write_text(json.dumps({"format": module.FORMAT, "scenes": ["other"]}))
-    with pytest.raises(RunError, match="learns in other scenes"):
-        check_plan(plan_of(tmp_path))
-    (tmp_path / STATE_FILE).write_text("{")
-    with pytest.raises(RunError, match="cannot be read"):
-        check_plan(plan_of(tmp_path))
 
 
 COUNTS = (24, 70, 172, 206)
@@ -140,8 +61,8 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, object]]:
     monkeypatch.setattr(module, "record", record)
     monkeypatch.setattr(module, "train_perception", train)
     monkeypatch.setattr(module, "_test", test)
-    monkeypatch.setattr(module, "VARIANTS", (1, 3))
-    monkeypatch.setattr(module, "available_cores", lambda: 1)
+    monkeypatch.setattr(perceive_plan, "VARIANTS", (1, 3))
+    monkeypatch.setattr(perceive_plan, "available_cores", lambda: 1)
     return asked
 
 
@@ -166,8 +87,8 @@ def rl(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
         def poll(self) -> int:
             return self.code
 
-    monkeypatch.setattr(module, "available_cores", lambda: 3)
-    monkeypatch.setattr(module, "subprocess", SimpleNamespace(Popen=Process))
+    monkeypatch.setattr(perceive_plan, "available_cores", lambda: 3)
+    monkeypatch.setattr(reinforcement, "subprocess", SimpleNamespace(Popen=Process))
     return commands
 
 
@@ -216,11 +137,6 @@ def test_slow_first_episodes_do_not_end_the_recording_while_there_is_time(
     assert [asked[1] for step, asked in steps if step == "record" and asked[0] == name] == counts
 
 
-@pytest.mark.parametrize(("minutes", "count"), [(0.2, 56), (20, 80), (50, 200), (90, 200)])
-def test_longer_runs_have_more_varied_people(minutes: float, count: int) -> None:
-    assert module.variants_of(minutes) == count
-
-
 def test_run_that_goes_on_keeps_its_people(tmp_path: Path, steps: list[tuple[str, object]]) -> None:
     plan = dataclasses.replace(plan_of(tmp_path / "run"), minutes=0.5)
     learn_to_perceive(plan, episodes=0)
@@ -253,7 +169,7 @@ def test_run_again_records_as_many_episodes_as_before(tmp_path: Path, steps: lis
 def test_policy_on_states_is_trained_meanwhile_and_the_better_driver_on_val_is_tested(
     tmp_path: Path, steps: list[tuple[str, object]], rl: list[list[str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "available_cores", lambda: 3)
+    monkeypatch.setattr(perceive_plan, "available_cores", lambda: 3)
     rates = {"perceive-and-act": 0.6, "perceive-and-plan": 0.4}
     asked = []
 
@@ -299,7 +215,7 @@ def test_people_of_the_test_are_kept_out_of_all_else(
     monkeypatch.setattr(module, "named_methods", lambda *_: {})
     rates = {(Task.DYNAMIC, name): SimpleNamespace(success_rate=0.5) for name in module.DRIVERS}
     monkeypatch.setattr(module, "handle_evaluate", lambda *_, **__: SimpleNamespace(summaries=rates))
-    monkeypatch.setattr(module, "VARIANTS", (6, 6))
+    monkeypatch.setattr(perceive_plan, "VARIANTS", (6, 6))
     plan = dataclasses.replace(plan_of(tmp_path / "run"), avatars=None)
     content = perception_content(learn_to_perceive(plan, episodes=2), ["embedded"])
     assert {path.name.partition("-")[0] for path in plan.people.iterdir()} == set(load_cast(Path("embedded:train")))
@@ -319,13 +235,6 @@ def test_few_people_walk_in_the_data_and_in_the_test(tmp_path: Path, steps: list
     assert not perception_content(learn_to_perceive(plan, episodes=1), ["embedded"]).unseen
 
 
-def test_missing_avatars_are_refused_before_anything_is_written(tmp_path: Path) -> None:
-    plan = dataclasses.replace(plan_of(tmp_path / "run"), avatars=tmp_path / "none")
-    with pytest.raises(AvatarError, match="does not exist"):
-        check_plan(plan)
-    assert not plan.out.exists()
-
-
 def test_policy_on_states_that_fails_ends_the_run_with_its_message(
     tmp_path: Path, steps: list[tuple[str, object]], rl: list[list[str]]
 ) -> None:
@@ -335,15 +244,6 @@ def test_policy_on_states_that_fails_ends_the_run_with_its_message(
         learn_to_perceive(plan_of(tmp_path / "run"), episodes=1)
     # It is found out before anything is recorded.
     assert steps == []
-
-
-def test_failure_of_the_policy_on_states_at_the_end_ends_the_run(tmp_path: Path) -> None:
-    log = tmp_path / "rl.log"
-    log.touch()
-    running = SimpleNamespace(poll=lambda: None, wait=lambda: -9)
-    module._check_policy(running, log)  # type: ignore[arg-type]
-    with pytest.raises(RunError, match=r"exit code -9, .*rl\.log\): no message$"):
-        module._check_policy(running, log, wait=True)  # type: ignore[arg-type]
 
 
 def test_run_without_a_second_core_has_no_choice_of_drivers(tmp_path: Path, steps: list[tuple[str, object]]) -> None:
@@ -365,7 +265,7 @@ def test_driver_of_several_scenes_is_chosen_by_all_of_them(
             summaries={(Task.DYNAMIC, name): SimpleNamespace(success_rate=rate) for name, rate in pairs}
         )
 
-    monkeypatch.setattr(module, "available_cores", lambda: 3)
+    monkeypatch.setattr(perceive_plan, "available_cores", lambda: 3)
     monkeypatch.setattr(module, "handle_evaluate", evaluate)
     monkeypatch.setattr(
         module, "evaluation_world", lambda scene, *_, **__: SimpleNamespace(renderer=lambda: None, scene=scene)
@@ -380,18 +280,6 @@ def test_driver_of_several_scenes_is_chosen_by_all_of_them(
     assert learned.method == "perceive-and-act"
 
 
-def test_one_core_has_no_policy_on_states(tmp_path: Path, rl: list[list[str]], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "available_cores", lambda: 3)
-    assert module.has_policy_on_states(plan_of(tmp_path, "a", "b"))
-    assert module.workers_of(plan_of(tmp_path, "a")) == 2
-    without = dataclasses.replace(plan_of(tmp_path, "a"), policy_on_states=False)
-    assert not module.has_policy_on_states(without)
-    assert module.workers_of(without) == 3
-    monkeypatch.setattr(module, "available_cores", lambda: 1)
-    assert not module.has_policy_on_states(plan_of(tmp_path, "a"))
-    assert module.workers_of(plan_of(tmp_path, "a")) == 1
-
-
 def test_report_names_the_commands_that_come_next(tmp_path: Path, steps: list[tuple[str, object]]) -> None:
     learned = learn_to_perceive(plan_of(tmp_path / "run"), episodes=1)
     content = perception_content(learned, ["embedded"])
@@ -400,6 +288,7 @@ def test_report_names_the_commands_that_come_next(tmp_path: Path, steps: list[tu
     assert lines[0].startswith(f"readygo evaluate embedded --methods perceive-and-plan expert --checkpoints {tmp_path}")
     assert lines[1].startswith(f"readygo train {tmp_path / 'run' / 'data'}/* --recipe perception")
     assert "--form policy" in lines[2]
+    assert lines[2].endswith(" --avatars embedded:test --out policy")
 
 
 def test_progress_is_told(tmp_path: Path, steps: list[tuple[str, object]], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,6 +16,8 @@ from readygo.apps.learn.plan import (
     read_state,
     write_state,
 )
+from readygo.common.avatars.cast import load_cast
+from readygo.common.avatars.file import avatar_hash
 from readygo.common.avatars.variants import write_variants
 from readygo.common.errors import ConfigError, PolicyError, ReadygoError, RunError, SceneError
 from readygo.common.messages.stages import DRIVE_LINE
@@ -183,14 +185,17 @@ def test_people_of_the_data_may_be_others_than_those_of_the_measurements(tmp_pat
     assert plan.places[0].spec.avatars_path == str(people)
 
 
-def test_of_varied_people_some_are_kept_for_the_test(tmp_path: Path) -> None:
+def test_some_avatars_are_kept_for_the_test(tmp_path: Path) -> None:
     people = tmp_path / "people"
     write_variants(Path("embedded:train"), people, 1, 0)
     settings, budget = learn_settings(None, None), Budget(minutes=1.0)
-    for number, (given, cast) in enumerate([(people, ("embedded:train", "embedded:test")), (None, (None, None))]):
+    learned, tested = Path("embedded:train"), Path("embedded:test")
+    for number, (given, walking) in enumerate([(people, people), (None, learned)]):
         out = tmp_path / str(number)
         plan = make_plan(("embedded",), out, settings, LearnConfig(), budget, avatars=None, seed=0, people=given)
-        assert (plan.avatars, plan.tested) == tuple(place and Path(place) for place in cast)
+        assert (plan.avatars, plan.tested) == (learned, tested)
+        hashes = {name: avatar_hash(avatar) for name, avatar in load_cast(walking).items()}
+        assert plan.places[0].spec.avatar_hashes == hashes
 
 
 def test_one_teacher_labels_in_several_scenes(tmp_path: Path) -> None:

@@ -50,10 +50,10 @@ def test_page_says_what_is_seen_and_how_to_go_on(content: PerceptionContent) -> 
 
 
 def test_page_says_whether_the_people_of_the_test_were_seen(content: PerceptionContent) -> None:
-    assert "do not walk in the data; neither do variants" in perception_html(content)
+    assert "The people of the test do not walk in the data." in perception_html(content)
     seen = perception_html(dataclasses.replace(content, unseen=False))
-    assert "neither do variants" not in seen
-    assert "Variants of the people of the test walk in the data" in seen
+    assert "The people of the test do not walk" not in seen
+    assert "People of the test, or variants of them, walk in the data" in seen
 
 
 def test_facts_without_held_out_images_are_the_number_learned_from() -> None:
