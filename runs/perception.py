@@ -37,10 +37,14 @@ def train_perception(
         show: Told of the progress.
 
     Raises:
-        PolicyError: If torch or onnx is not installed, or `out` belongs to another run.
+        PolicyError: If torch or onnx is not installed, `out` belongs to another run, or the network that training
+            begins with cannot be used.
+        ConfigError: If `out` is that network's folder, or the robot cannot have perception.
         DatasetError: If the data cannot be used.
         SceneError: If the scene of some data is nowhere.
     """
+    if config.perception and Path(config.perception).resolve() == out.resolve():
+        raise ConfigError(f"{out} would replace the network that it begins with: choose another folder.")
     with torch_needed():
         from readygo.services.trainer import PerceptionRun, image_bytes, joined, looks_of
     datasets = [Dataset(folder) for folder in data]

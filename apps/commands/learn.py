@@ -19,10 +19,11 @@ from readygo.apps.fleet.options import RouterOptions
 from readygo.apps.learn.config import GoalName, LearnConfig
 from readygo.apps.learn.crew import Reach
 from readygo.apps.learn.learn import learn_policy, report_content
-from readygo.apps.learn.paper import first_plan, minutes_after, policy_keys, teacher_of
+from readygo.apps.learn.paper import REFINED_SHARE, data_of, first_plan, minutes_after, policy_keys, teacher_of
 from readygo.apps.learn.perceive import BESIDE, Perceived, Step, learn_to_perceive, perception_content
 from readygo.apps.learn.perceive_plan import PerceivePlan, check_plan, not_one_camera, perceive_settings
 from readygo.apps.learn.plan import FIRST_FOLDER, STATE, Budget, LearnPlan, learn_configs, make_plan
+from readygo.apps.learn.refine import refine
 from readygo.apps.learn.supervise import Now
 from readygo.apps.monitor.beside import show_page
 from readygo.apps.options import given_options
@@ -45,7 +46,9 @@ _OF_PAPER = (*_OF_ALL_FORMS, "watch", "learn")
 """Fields, groups and sections that the form "paper" takes."""
 PERCEIVE, PAPER, POLICY_FORM = "perceive", "paper", "policy"
 Show = Callable[[Now], None]
+ShowStep = Callable[[Step], None]
 Tested = Callable[[EpisodeRecord], None]
+Refined = Callable[[LearnPlan, ShowStep], Path]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,10 +90,10 @@ class LearnOptions:
     """Folder of the run, new or to resume: data, policy, curve.json, evaluation and report.html."""
     form: Literal["auto", "perceive", "paper", "policy"] = "auto"
     """What is learned: "perceive", a network that sees people and free space, with which a planner or a policy on
-    states drives on the map; "policy", a policy from images to commands, without a map; "paper", both: half of the
+    states drives on the map; "policy", a policy from images to commands, without a map; "paper", both: 40 % of the
     time for "perceive", then a policy whose encoder is that network and whose teacher is the policy on states
-    (or what `--learn.teacher` names). "auto" takes "perceive", which reaches more goals among people, unless an
-    option or key is given that only policies have."""
+    (or what `--learn.teacher` names), and in the last 30 % both networks again, from all images. "auto" takes
+    "perceive", which reaches more goals among people, unless an option or key is given that only policies have."""
     minutes: float = 60.0
     """Wall time of recording and training, including earlier calls [min]; training ends earlier if the policy
     stops improving. The test is not included."""
@@ -134,13 +137,16 @@ def learn(options: LearnOptions) -> None:
         _learn_policy(options, given_options(options, _NOT_IN_REPORT))
 
 
-def _learn_policy(options: LearnOptions, given: Mapping[str, str], people: Path | None = None) -> None:
+def _learn_policy(
+    options: LearnOptions, given: Mapping[str, str], people: Path | None = None, refined: Refined | None = None
+) -> None:
     """Record, train a policy, test it, and write the report.
 
     Args:
         options: What the run is told.
         given: Options of the command in the report that learns on.
         people: Varied avatars that walk in the data; by default the avatars that are not kept for the test.
+        refined: Trains another policy of the plan on its data, telling its progress, and answers its folder.
     """
     if options.on == "hosts" and not options.fleet.listen:
         raise RunError("--on hosts needs --listen with an address that they reach, such as tls/10.0.0.5:7447.")
@@ -172,8 +178,15 @@ def _learn_policy(options: LearnOptions, given: Mapping[str, str], people: Path 
         sys.stderr.write(f"{how_to_join(state, 'all', options.fleet.listen, certs=options.fleet.certs)}\n")
     reach = Reach(listen=options.fleet.listen, certs=options.fleet.certs, hosts=options.on == "hosts")
     page = show_page(options.out, partial(_has_begun, plan), options.fleet.certs) if options.watch else nullcontext()
-    with page, live_line(6 * options.episodes * len(options.scenes), quiet=options.json) as (show, tested):
-        learned = learn_policy(plan, episodes=options.episodes, show=show, tested=tested, reach=reach)
+    with page, live_line(6 * options.episodes * len(options.scenes), quiet=options.json) as (show, step, tested):
+        learned = learn_policy(
+            plan,
+            episodes=options.episodes,
+            show=show,
+            tested=tested,
+            reach=reach,
+            refine=partial(refined, plan, step) if refined else None,
+        )
     report = options.out / "report.html"
     write_report(report, report_content(learned, options.scenes, given))
     if options.json:
@@ -258,7 +271,8 @@ def _learn_as_the_paper(options: LearnOptions) -> None:
         training=training,
         keys=policy_keys(options.keys, options.config),
     )
-    _learn_policy(rest, given, first.people)
+    refined = partial(refine, before=data_of(first), minutes=REFINED_SHARE * options.minutes)
+    _learn_policy(rest, given, first.people, refined)
 
 
 def _perceive(plan: PerceivePlan, episodes: int, *, quiet: bool) -> Perceived:
@@ -292,8 +306,8 @@ def _has_begun(plan: LearnPlan) -> bool:
 
 
 @contextmanager
-def live_line(tested_total: int, *, quiet: bool = False) -> Iterator[tuple[Show, Tested]]:
-    """Show the progress of training and then of the test on the terminal; `quiet` shows nothing."""
+def live_line(tested_total: int, *, quiet: bool = False) -> Iterator[tuple[Show, ShowStep, Tested]]:
+    """Show the progress of training, of a training after it and of the test; `quiet` shows nothing."""
     columns = (TextColumn("{task.description}"), BarColumn(20), TaskProgressColumn(), TextColumn("{task.fields[said]}"))
     with SteadyProgress(*columns, quiet=quiet) as progress:
         task = progress.add_task("learning", total=1.0, said="starting")
@@ -301,12 +315,15 @@ def live_line(tested_total: int, *, quiet: bool = False) -> Iterator[tuple[Show,
         def show(now: Now) -> None:
             progress.update(task, completed=now.fraction, said=line_of(now))
 
+        def show_step(step: Step) -> None:
+            progress.update(task, description=step.name, completed=step.fraction, said=step.words)
+
         testing = progress.add_task("test", total=tested_total, said="", visible=False)
 
         def show_test(record: EpisodeRecord) -> None:
             progress.update(testing, advance=1, visible=True, said=f"{record.task.value}, {record.method}")
 
-        yield show, show_test
+        yield show, show_step, show_test
 
 
 def line_of(now: Now) -> str:

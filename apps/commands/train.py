@@ -47,6 +47,7 @@ PERCEPTION_KEYS = (
     "threads",
     "device",
     "precision",
+    "perception",
     "memory_mb",
     "batch_size",
     "learning_rate",

@@ -98,7 +98,7 @@ def _show(options: DemoOptions) -> None:
         f"then {options.episodes} test episodes per task"
     )
     data = plan.places[0].folder.path
-    with live_line(6 * options.episodes) as (show, tested), ProcessPoolExecutor(1, get_context("spawn")) as beside:
+    with live_line(6 * options.episodes) as (show, _, tested), ProcessPoolExecutor(1, get_context("spawn")) as beside:
         checks: list[Future[Report]] = []
 
         def check_data() -> None:

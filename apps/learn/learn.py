@@ -4,6 +4,7 @@ import shlex
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -70,6 +71,7 @@ def learn_policy(
     tested: Callable[[EpisodeRecord], None] = lambda record: None,
     reach: Reach = ALONE,
     videos: Sequence[str] = (),
+    refine: Callable[[], Path] | None = None,
 ) -> Learned:
     """Train a policy, or resume its training; then drive the test episodes.
 
@@ -81,6 +83,8 @@ def learn_policy(
         tested: Called with the record of every test episode.
         reach: Access of workers on other machines.
         videos: Test episodes of which videos are written, as for `readygo evaluate --video`.
+        refine: Trains another policy on the recorded data, and answers its folder; the better one on the split val is
+            kept. None for no such training.
 
     Raises:
         ReadygoError: If the run cannot continue; recorded data and trained policies stay.
@@ -90,6 +94,8 @@ def learn_policy(
         supervisor = Supervisor(plan, measuring, show, reach)
         chosen = supervisor.learn()
         recorded()
+        if refine is not None:
+            chosen = supervisor.take(refine())
         test = plan.out / TEST_FOLDER
         replies = measuring.test(plan.policy, episodes, test, tested, videos) if episodes else {}
     return Learned(plan=plan, points=supervisor.points, chosen=chosen, replies=replies, minutes=supervisor.minutes)

@@ -1,7 +1,8 @@
-"""`readygo learn` in the form "paper": a policy from images to commands, without a map, in two parts.
+"""`readygo learn` in the form "paper": a policy from images to commands, without a map, in three parts.
 
 RUN/perceive/   a run of the form "perceive" without a test: varied avatars, perception, and a policy on states
 RUN/            a run of the form "policy" among these avatars: that perception is the encoder, that policy the teacher
+RUN/refined/    perception trained on with all of these images, and a policy that learns with it
 """
 
 from pathlib import Path
@@ -18,9 +19,9 @@ from readygo.runs.methods import RL
 from readygo.runs.sections import Keys
 from readygo.runs.teacher import tracked_ref
 
-FIRST_SHARE = 0.5
-"""Share of the time for the first part."""
-LEAST_SHARE = 0.25
+FIRST_SHARE, REFINED_SHARE = 0.4, 0.3
+"""Shares of the time for the first and the third part."""
+LEAST_SHARE = 0.2
 """Least share of the time for the second part: on a busy machine the first one takes longer."""
 
 
@@ -92,5 +93,10 @@ def teacher_of(first: PerceivePlan) -> Path | None:
 
 
 def minutes_after(first: PerceivePlan, minutes: float) -> float:
-    """Wall time of the second part [min]: what the first one left of the whole, but at least `LEAST_SHARE` of it."""
-    return max(minutes - float(read_state(first)["minutes"]), LEAST_SHARE * minutes)
+    """Wall time of the second part [min]: what the others leave of the whole, but at least `LEAST_SHARE` of it."""
+    return max((1.0 - REFINED_SHARE) * minutes - float(read_state(first)["minutes"]), LEAST_SHARE * minutes)
+
+
+def data_of(first: PerceivePlan) -> list[Path]:
+    """Data folders of the first part."""
+    return sorted((first.out / "data").iterdir())

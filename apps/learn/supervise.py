@@ -38,6 +38,8 @@ SPLIT_S = 30.0
 """Training time after which measured rates determine the division of the cores [s]."""
 VAL_EPISODES_MAX = 50
 """Most episodes per task of one measurement."""
+TAKEN_EPISODES = 100
+"""Episodes per task for a policy that learned elsewhere: the best of many shorter measurements is partly luck."""
 CANDIDATES = 3
 """Number of offered policies that stay for measurements, besides the best one."""
 EPISODES_HZ = 5.0
@@ -116,8 +118,7 @@ class Supervisor:
             self._measure_last()
             self._over = True
             self._save()
-        best = best_of(self.measurements)
-        return None if best is None else self.measurements[best]
+        return self._kept
 
     def _prepare(self) -> None:
         """Write the files that the processes read, which make the folder a learning run."""
@@ -273,11 +274,37 @@ class Supervisor:
                 f"Nothing was learned in {self.minutes:.1f} min: the trainer saw too few episodes; give more --minutes "
                 f"(its log: {plan.out / 'logs' / 'trainer.log'})."
             )
-        sha256, training = policy_sha256(plan.policy), read_training(plan.policy)
-        share_s = plan.learn.val_share * self._spent_s
-        episodes = episodes_to_measure(share_s, self._episode_s, VAL_EPISODES_MAX)
-        measured = self._measuring.val(plan.policy, sha256, episodes, 1.0)
-        rows = [*self.measurements, measured.measurement]
+        seconds = plan.learn.val_share * self._spent_s
+        self._measure_now(plan.policy, episodes_to_measure(seconds, self._episode_s, VAL_EPISODES_MAX))
+        self._leave_best(plan.policy)
+
+    def take(self, folder: Path) -> PolicyMeasurement | None:
+        """Measure a policy that learned from this run's data elsewhere, and leave the better one as the run's.
+
+        Args:
+            folder: Folder of the policy.
+
+        Returns:
+            The measurement of the policy that is kept.
+
+        Raises:
+            PolicyError: If the policy cannot be used.
+        """
+        if policy_sha256(folder) not in [measurement.policy for measurement in self.measurements]:
+            self._measure_now(folder, TAKEN_EPISODES)
+        self._leave_best(folder)
+        return self._kept
+
+    @property
+    def _kept(self) -> PolicyMeasurement | None:
+        """The best measurement so far; None without measurements."""
+        best = best_of(self.measurements)
+        return None if best is None else self.measurements[best]
+
+    def _measure_now(self, folder: Path, episodes: int) -> None:
+        """Measure a policy at the end of the budget."""
+        training = read_training(self._plan.policy)
+        measured = self._measuring.val(folder, policy_sha256(folder), episodes, 1.0)
         before = self.points[-1] if self.points else None
         self.points.append(
             CurvePoint(
@@ -290,9 +317,13 @@ class Supervisor:
                 measurement=measured.measurement,
             )
         )
-        save_curve(plan.curve_file, self.points)
-        if best_of(rows) == len(rows) - 1:
-            keep_policy(plan.policy, plan.best)
+        save_curve(self._plan.curve_file, self.points)
+
+    def _leave_best(self, folder: Path) -> None:
+        """Leave the best policy as the run's: one that was measured before, or the one of a folder."""
+        plan = self._plan
+        if self._kept is not None and self._kept.policy == policy_sha256(folder):
+            keep_policy(folder, plan.best)
         # policy.toml is written last: without it the folder is not a policy.
         (plan.policy / SPEC_FILE).unlink(missing_ok=True)
         for name in (WEIGHTS_FILE, *POLICY_FILES):

@@ -5,14 +5,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from readygo.apps.learn.plan import LearnPlan
+from readygo.apps.learn.plan import Budget, LearnPlan
 from readygo.common.config import section_to_mapping
 from readygo.common.documents import read_json, write_toml
 from readygo.common.drawing.charts import Curve
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
 from readygo.common.perception.artifact import load_perception_spec
-from readygo.services.trainer import DECAY_FILE, PROGRESS_FILE, RECIPES, best_recipe, loss_curves, with_overrides
+from readygo.services.trainer import (
+    DECAY_FILE,
+    PROGRESS_FILE,
+    RECIPES,
+    TrainConfig,
+    best_recipe,
+    loss_curves,
+    with_overrides,
+)
 
 _HISTORY = ("samples", "train_loss", "validation_loss")
 _NO_PROGRESS = (ValueError, TypeError, LookupError, AttributeError, OverflowError)
@@ -110,10 +118,16 @@ def read_history(folder: Path) -> list[dict[str, Any]]:
         return []
 
 
-def write_trainer_config(plan: LearnPlan, threads: int) -> Path:
-    """Write the trainer's settings, the plan's recipe with its budget; returns the file's path."""
-    budget, perception = plan.budget, plan.perception
-    config = with_overrides(
+def trainer_config(plan: LearnPlan, budget: Budget, perception: Path | None, threads: int = 0) -> TrainConfig:
+    """The plan's recipe.
+
+    Args:
+        plan: Plan of the learning run.
+        budget: Of the training.
+        perception: Folder of trained perception whose network is the encoder; None for one that learns as well.
+        threads: CPU threads; 0 takes every core.
+    """
+    return with_overrides(
         RECIPES[plan.recipe](),
         minutes=float(budget.minutes),
         samples=budget.samples,
@@ -126,7 +140,12 @@ def write_trainer_config(plan: LearnPlan, threads: int) -> Path:
         perception=str(perception.resolve()) if perception else None,
         frame_spacing_s=load_perception_spec(perception).spacing_s if perception else None,
     )
+
+
+def write_trainer_config(plan: LearnPlan, threads: int) -> Path:
+    """Write the trainer's settings, the plan's recipe with its budget; returns the file's path."""
     path = plan.out / "trainer.toml"
+    config = trainer_config(plan, plan.budget, plan.perception, threads)
     write_toml(path, section_to_mapping(config), raises=RunError)
     return path
 

@@ -146,7 +146,8 @@ class TrainConfig:
     """Most memory for decoded frames, or for what a pretrained encoder has of them; the rest is made again for each
     batch [MB]."""
     perception: str = ""
-    """Folder of trained perception, which a network with encoder "perception" begins with."""
+    """Folder of trained perception, which a network with encoder "perception" begins with; in the recipe "perception"
+    its weights are trained on."""
     validation_fraction: Annotated[float, Range(low=0.0, high=0.9)] = 0.1
     """Share of the episodes that is held out when no validation data are given."""
     validate_every: Count = 12_000

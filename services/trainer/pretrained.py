@@ -3,22 +3,21 @@
 The network of perception is not changed: only what reads from it learns.
 """
 
-import hashlib
 from pathlib import Path
 
 import numpy as np
-import safetensors.torch
 import torch
 from torch import Tensor, nn
 
 from readygo.common.camera.config import CameraConfig
 from readygo.common.errors import PolicyError
-from readygo.common.perception.artifact import FRAMES, WEIGHTS_FILE, load_perception_spec
+from readygo.common.perception.artifact import FRAMES, load_perception_spec
 from readygo.common.perception.grid import SHAPE, polar_grid
 from readygo.common.perception.people import ACROSS, ALONG, DISTANCE, PRESENCE
 from readygo.common.robot import RobotConfig
 from readygo.services.trainer.config import TrainConfig
 from readygo.services.trainer.perception.network import PerceptionNet
+from readygo.services.trainer.perception.weights import trained_weights
 
 FEATURES = 16
 """Numbers that are read from the features of each column."""
@@ -92,20 +91,10 @@ def perception_weights(folder: Path, robot: RobotConfig, config: TrainConfig) ->
     Raises:
         PolicyError: If they are missing or broken, or of another camera, frame spacing or widths.
     """
-    spec, path = load_perception_spec(folder), folder / WEIGHTS_FILE
-    if spec.robot.camera != robot.camera:
-        raise PolicyError(f"{folder} perceives with another camera than the data have; train it with this camera.")
-    if spec.spacing_s != config.sampling.frame_spacing_s:
+    spacing_s = load_perception_spec(folder).spacing_s
+    if spacing_s != config.sampling.frame_spacing_s:
         raise PolicyError(
-            f"{folder} sees frames {spec.spacing_s:g} s apart, the policy {config.sampling.frame_spacing_s:g} s: "
-            f"give --sampling.frame-spacing-s {spec.spacing_s:g}."
+            f"{folder} sees frames {spacing_s:g} s apart, the policy {config.sampling.frame_spacing_s:g} s: "
+            f"give --sampling.frame-spacing-s {spacing_s:g}."
         )
-    try:
-        data = path.read_bytes()
-        weights = safetensors.torch.load(data)
-    except Exception as error:  # a missing file, or safetensors' errors for a broken one
-        raise PolicyError(f"{path} cannot be read: {error}; train perception again.") from error
-    wanted = PerceptionNet(robot.camera, config.network.widths).state_dict()
-    if {name: value.shape for name, value in weights.items()} != {name: v.shape for name, v in wanted.items()}:
-        raise PolicyError(f"{path} is of a network of other widths; give its widths with --network.widths.")
-    return weights, hashlib.sha256(data).hexdigest()
+    return trained_weights(folder, robot.camera, config.network.widths)

@@ -56,3 +56,9 @@ def test_data_that_do_not_fit_are_refused(
     with pytest.raises(error, match=words):
         train_perception([*made], PerceptionConfig(), tmp_path / "out", scenes=[str(embedded_bundle)])
     assert not (tmp_path / "out").exists()
+
+
+def test_network_that_training_begins_with_is_not_replaced(tmp_path: Path) -> None:
+    config = PerceptionConfig(perception=str(tmp_path / "a" / ".." / "perception"))
+    with pytest.raises(ConfigError, match="would replace the network that it begins with"):
+        train_perception([tmp_path / "data"], config, tmp_path / "perception")

@@ -26,6 +26,8 @@ class PerceptionConfig:
     """"auto" takes a CUDA device if there is one."""
     precision: Literal["auto", "bf16", "fp32"] = "auto"
     """"auto" computes in bfloat16 on CUDA and on CPUs that multiply it, else in float32."""
+    perception: str = ""
+    """Folder of trained perception of this camera, whose weights training begins with; by default with new ones."""
     memory_mb: Count = 4096
     """Most memory for decoded images; of more data an even share of the episodes is learned from [MB]."""
     spacing_s: Positive = PERCEPTION_SPACING_S

@@ -29,6 +29,7 @@ from readygo.services.trainer.perception.looks import Looks, held_out
 from readygo.services.trainer.perception.loss import perception_loss, targets_of
 from readygo.services.trainer.perception.metrics import PerceptionMetrics, measure_perception
 from readygo.services.trainer.perception.network import PerceptionModule, PerceptionNet
+from readygo.services.trainer.perception.weights import trained_weights
 
 METRICS_FILE = "metrics.json"
 EMA_DECAY = 0.998
@@ -43,7 +44,8 @@ PEOPLE_SHARE = 0.6
 LIGHT = 0.3
 """Largest change of brightness, contrast and colour that a window is shown in."""
 Tensors = tuple[Tensor, ...] | list[Tensor]
-BUDGET_FIELDS = ("minutes", "samples", "threads", "device")
+BUDGET_FIELDS = ("minutes", "samples", "threads", "device", "perception")
+"""Settings that may change when a run resumes; of `perception` the weights must stay, not the place."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,13 +75,19 @@ class PerceptionRun:
             data: Names and hashes of the data, the same when the run resumes.
 
         Raises:
-            PolicyError: If `out` belongs to a run of other data or settings.
+            PolicyError: If `out` belongs to a run of other data or settings, or the weights that it begins with cannot
+                be used.
         """
         self.looks, self.spec, self.config, self.out = looks, spec, config, out
         torch.manual_seed(config.seed)
         camera = spec.robot.camera
         self._device = device_of(config.device)
-        self.net = PerceptionNet(camera, config.widths).to(device=self._device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        net = PerceptionNet(camera, config.widths)
+        if config.perception:
+            weights, sha256 = trained_weights(Path(config.perception), camera, config.widths)
+            net.load_state_dict(weights)
+            data = data | {"perception weights": sha256}
+        self.net = net.to(device=self._device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.averaged = torch.optim.swa_utils.AveragedModel(self.net, multi_avg_fn=_moving_averages, use_buffers=True)
         self.optimizer = torch.optim.AdamW(
             self.net.parameters(),

@@ -12,6 +12,7 @@ from readygo.apps.commands import learn as command
 from readygo.apps.commands.learn import LearnOptions, LearnTrainingOptions, learn, line_of
 from readygo.apps.fleet.options import RouterOptions
 from readygo.apps.learn.choice import PolicyMeasurement
+from readygo.apps.learn.perceive import Step
 from readygo.apps.learn.perceive_plan import FORMAT, STATE_FILE
 from readygo.apps.learn.supervise import Now
 from readygo.runs.scene_argument import open_scene
@@ -195,6 +196,7 @@ def first(monkeypatch: pytest.MonkeyPatch):
 
     def run(plan, **more):
         plans.append((plan, more["episodes"]))
+        (plan.out / "data" / "embedded").mkdir(parents=True)
         write_state_policy(plan.out / "rl")
         (plan.out / STATE_FILE).write_text(json.dumps({"format": FORMAT, "scenes": [], "minutes": 2.0}))
 
@@ -213,13 +215,16 @@ def test_form_of_the_paper_learns_to_perceive_first_and_then_from_that(wired, fi
     )  # fmt: skip
     learn(options)
     ((plan, episodes),) = first
-    assert (plan.out, plan.minutes, plan.seed, episodes) == (out / "perceive", 3.0, 2, 0)
+    assert (plan.out, plan.minutes, plan.seed, episodes) == (out / "perceive", pytest.approx(2.4), 2, 0)
     assert (plan.avatars, plan.config.renderer.detail) == (Path("embedded:train"), "exact")
     assert (plan.config.robot.camera.height_px, plan.config.robot.camera.width_px) == (72, 128)
     assert (out / "perceive" / "report.html").read_text() == "perceived"
     words, more = asked["make_plan"]
-    # What is left of the six minutes.
-    assert words[4].minutes == 4.0
+    # What the first part left of the six minutes, less those of the third.
+    assert words[4].minutes == pytest.approx(2.2)
+    refine = asked["learn_policy"][1]["refine"]
+    assert (refine.func, refine.args[0]) == (command.refine, wired[1])
+    assert refine.keywords == {"before": [out / "perceive" / "data" / "embedded"], "minutes": pytest.approx(1.8)}
     assert (more["perception"], more["teacher"]) == (plan.out / "perception", plan.out / "rl")
     assert (more["people"], more["avatars"]) == (plan.out / "people", Path("embedded:train"))
     assert asked["learn_configs"][1]["keys"] == {**options.keys, "learn": {"mix": 0.5, "memory": 0}}
@@ -244,12 +249,13 @@ def test_second_part_of_the_form_of_the_paper_goes_on_without_the_first(
 ) -> None:
     out = tmp_path / "run"
     write_state_policy(out / "perceive" / "rl")
-    state = {"format": FORMAT, "scenes": [open_scene("embedded").content_hash], "minutes": 3.5}
+    (out / "perceive" / "data").mkdir()
+    state = {"format": FORMAT, "scenes": [open_scene("embedded").content_hash], "minutes": 2.7}
     (out / "perceive" / STATE_FILE).write_text(json.dumps(state))
     (out / "learn.json").write_text("{}")
     learn(LearnOptions(scenes=("embedded",), out=out, form=form, minutes=6.0))
     assert first == []
-    assert wired[0]["make_plan"][0][4].minutes == 2.5
+    assert wired[0]["make_plan"][0][4].minutes == pytest.approx(1.5)
     assert wired[0]["make_plan"][1]["people"] == out / "perceive" / "people"
 
 
@@ -276,9 +282,13 @@ def test_section_of_policies_in_the_configuration_learns_one(wired, tmp_path: Pa
 
 def test_bars_of_learning_and_of_the_test_are_shown_one_after_the_other(capsys: pytest.CaptureFixture[str]) -> None:
     now = Now(fraction=0.25, minutes=2.0, samples=50, images=10, learned=20, policies=1, driven=None, latest=None)
-    with command.live_line(12) as (show, tested):
+    with command.live_line(12) as (show, show_step, tested):
         show(now)
         tested(SimpleNamespace(task=SimpleNamespace(value="static"), method="expert"))
         tested(SimpleNamespace(task=SimpleNamespace(value="dynamic"), method="policy"))
     said = capsys.readouterr().err.splitlines()[-1]
     assert said == f"learning  25% {line_of(now)}; test  17% dynamic, policy"
+    with command.live_line(12) as (show, show_step, tested):
+        show(now)
+        show_step(Step(name="perception", fraction=0.5, words="loss 0.10"))
+    assert capsys.readouterr().err.splitlines()[-1] == "perception  50% loss 0.10"

@@ -302,13 +302,13 @@ def test_perception_is_trained_with_its_settings_and_told_with_how_well_it_sees(
         seed=4,
         config=config,
         details=command.TrainDetailOptions(scene=("embedded",)),
-        keys={"optimizer": {"learning_rate": 0.01}, "threads": 2},
+        keys={"optimizer": {"learning_rate": 0.01}, "threads": 2, "perception": "earlier"},
     )
     train(options)
     data, settings, out, scenes = asked[0]
     assert (data, out, scenes) == ((tmp_path / "data",), tmp_path / "runs" / "perception", ("embedded",))
     assert (settings.minutes, settings.seed, settings.threads) == (3.0, 4, 2)
-    assert (settings.batch_size, settings.learning_rate) == (16, 0.01)
+    assert (settings.batch_size, settings.learning_rate, settings.perception) == (16, 0.01, "earlier")
     said = capsys.readouterr().out
     assert "9 parameters, 8 images learned from in 7 s (5 different ones)." in said
     assert "AP 0.82, bearing 0.4 deg, distance 5 %, 9 % missed, velocity R2 0.61 along and 0.15 across" in said

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from readygo.apps.learn.paper import LEAST_SHARE, first_plan, minutes_after, policy_keys, teacher_of
+from readygo.apps.learn.paper import LEAST_SHARE, data_of, first_plan, minutes_after, policy_keys, teacher_of
 from readygo.apps.learn.perceive_plan import FORMAT, STATE_FILE, PerceivePlan
 from readygo.common.errors import ConfigError, RunError
 from readygo.runs.scene_argument import open_scene
@@ -22,9 +22,9 @@ def write_first(out: Path, minutes: float) -> None:
     (out / "perceive" / STATE_FILE).write_text(json.dumps(state))
 
 
-def test_first_part_has_half_of_the_time_and_the_camera_of_policies(tmp_path: Path) -> None:
+def test_first_part_has_two_fifths_of_the_time_and_the_camera_of_policies(tmp_path: Path) -> None:
     plan = plan_in(tmp_path / "run")
-    assert (plan.out, plan.minutes) == (tmp_path / "run" / "perceive", 4.0)
+    assert (plan.out, plan.minutes) == (tmp_path / "run" / "perceive", pytest.approx(3.2))
     assert (plan.config.robot.camera.height_px, plan.config.robot.camera.width_px) == (72, 128)
     assert plan.people == tmp_path / "run" / "perceive" / "people"
     assert not (tmp_path / "run").exists()
@@ -57,10 +57,18 @@ def test_folder_of_something_else_is_refused_unless_the_second_part_has_begun_th
 
 
 def test_second_part_has_the_time_that_is_left(tmp_path: Path) -> None:
-    write_first(tmp_path, 5.5)
+    write_first(tmp_path, 3.5)
     plan = plan_in(tmp_path)
-    assert minutes_after(plan, 8.0) == 2.5
+    # The third part takes three tenths.
+    assert minutes_after(plan, 8.0) == pytest.approx(0.7 * 8.0 - 3.5)
     assert minutes_after(plan, 6.0) == 6.0 * LEAST_SHARE
+
+
+def test_data_of_the_first_part_are_in_order(tmp_path: Path) -> None:
+    plan = plan_in(tmp_path / "run")
+    for name in ("b", "a-crowd", "a"):
+        (plan.out / "data" / name).mkdir(parents=True)
+    assert [folder.name for folder in data_of(plan)] == ["a", "a-crowd", "b"]
 
 
 def test_expert_teaches_where_no_policy_on_states_was_left(tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ from readygo.apps.learn.training import DECAY_FILE, PROGRESS_FILE
 from readygo.common.errors import RunError
 from readygo.common.policy import load_policy, load_spec
 from readygo.runs.origin import origin_of_policy
+from readygo.runs.policy import policy_sha256
 from tests.common.policy.artifacts import write_policy
 
 MINUTES = 2.0
@@ -105,11 +106,12 @@ class StandInMeasuring:
     """Success rates by the order in which they are asked for; the last one stays."""
 
     def __init__(self, rates: list[float]) -> None:
-        self.rates, self.asked = rates, []
+        self.rates, self.asked, self.episodes = rates, [], []
 
     def val(self, folder: Path, sha256: str, episodes: int, fraction: float, **_: object) -> Measured:
         rate = self.rates[min(len(self.asked), len(self.rates) - 1)]
         self.asked.append((sha256, fraction))
+        self.episodes.append(episodes)
         measurement = PolicyMeasurement(fraction=fraction, policy=sha256, episodes=20, static=rate, dynamic=rate)
         return Measured(measurement=measurement, folder=folder, episode_s=0.5)
 
@@ -155,6 +157,29 @@ def test_policies_are_measured_as_it_goes_and_the_best_one_is_left(plan: Callabl
     assert origin is not None
     assert set(origin.scenes.values()) == {"embedded"}
     assert plan().best.is_dir()
+
+
+@pytest.mark.parametrize(("rate", "kept"), [(0.95, True), (0.5, False)])
+def test_policy_that_learned_elsewhere_is_kept_if_it_is_better(
+    plan: Callable[..., LearnPlan], rate: float, kept: bool, tmp_path: Path
+) -> None:
+    supervisor, measuring, chosen = learn(plan(), [0.7])
+    other = write_policy(tmp_path / "other", seed=1)
+    measuring.rates, asked = [rate], len(measuring.asked)
+    for _ in range(2):
+        found = supervisor.take(other)
+        assert found is not None
+        assert found.static == max(rate, 0.7)
+        assert (found.policy == policy_sha256(other)) == kept
+        weights = (plan().policy / "policy.onnx").read_bytes()
+        assert (weights == (other / "policy.onnx").read_bytes()) == kept
+        assert origin_of_policy(load_spec(plan().policy)) is not None
+    assert measuring.asked[asked:] == [(policy_sha256(other), 1.0)]
+    assert measuring.episodes[-1] == supervise.TAKEN_EPISODES
+    again, _, resumed = learn(plan(), [0.1])
+    assert resumed == found
+    assert again.measurements == supervisor.measurements
+    assert chosen is not None
 
 
 def test_rate_falls_in_time_for_the_budget_and_the_time_is_written_down(plan: Callable[..., LearnPlan]) -> None:

@@ -53,9 +53,9 @@ def write_graph(
     return folder
 
 
-def write_policy(folder: Path, images: tuple[str, ...] = (RGB,)) -> Path:
+def write_policy(folder: Path, images: tuple[str, ...] = (RGB,), *, seed: int = 0) -> Path:
     """A policy of two random linear maps, which takes some images of one camera and keeps their latents."""
-    rng, size = np.random.default_rng(0), (CAMERA.height_px, CAMERA.width_px)
+    rng, size = np.random.default_rng(seed), (CAMERA.height_px, CAMERA.width_px)
     seen = {name: (*size, channels_of([name])) for name in images}
     encoder = rng.normal(0, 0.01, (sum(map(math.prod, seen.values())), 20)).astype(np.float32)
     nodes = [helper.make_node("Cast", [name], [f"{name}_x"], to=TensorProto.FLOAT) for name in seen]

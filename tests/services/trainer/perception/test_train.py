@@ -69,6 +69,24 @@ def test_folder_of_other_data_or_settings_is_refused(tmp_path: Path, looks: Look
     PerceptionRun(looks, SPEC, config(999), tmp_path, {"data": "x"})
 
 
+def test_training_begins_with_the_weights_of_trained_perception(tmp_path: Path, looks: Looks) -> None:
+    trained = PerceptionRun(looks, SPEC, config(64), tmp_path / "trained", {"data": "x"})
+    trained.go()
+    begun = PerceptionRun(looks, SPEC, config(64, perception=str(tmp_path / "trained")), tmp_path / "on", {"data": "y"})
+    np.testing.assert_array_equal(weights(trained), weights(begun))
+    assert begun.samples_seen == 0
+    begun.go()
+    assert not np.array_equal(weights(trained), weights(begun))
+    # It resumes wherever the folder is, but with these weights only.
+    (tmp_path / "trained").rename(tmp_path / "moved")
+    moved = config(64, perception=str(tmp_path / "moved"))
+    resumed = PerceptionRun(looks, SPEC, moved, tmp_path / "on", {"data": "y"})
+    np.testing.assert_array_equal(weights(begun), weights(resumed))
+    PerceptionRun(looks, SPEC, config(16, seed=1), tmp_path / "others", {"data": "x"}).go()
+    with pytest.raises(PolicyError, match="another perception weights"):
+        PerceptionRun(looks, SPEC, config(64, perception=str(tmp_path / "others")), tmp_path / "on", {"data": "y"})
+
+
 @pytest.mark.parametrize(
     "changed", [{"net": {}}, {"optimizer": None}, {"averaged": {"module.free.bias": torch.ones(3)}}]
 )
