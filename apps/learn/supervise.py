@@ -38,8 +38,8 @@ SPLIT_S = 30.0
 """Training time after which measured rates determine the division of the cores [s]."""
 VAL_EPISODES_MAX = 50
 """Most episodes per task of one measurement."""
-TAKEN_EPISODES = 100
-"""Episodes per task for a policy that learned elsewhere: the best of many shorter measurements is partly luck."""
+TAKEN_EPISODES_MAX = 100
+"""Most episodes per task for a policy that learned elsewhere: the best of many shorter measurements is partly luck."""
 CANDIDATES = 3
 """Number of offered policies that stay for measurements, besides the best one."""
 EPISODES_HZ = 5.0
@@ -274,8 +274,7 @@ class Supervisor:
                 f"Nothing was learned in {self.minutes:.1f} min: the trainer saw too few episodes; give more --minutes "
                 f"(its log: {plan.out / 'logs' / 'trainer.log'})."
             )
-        seconds = plan.learn.val_share * self._spent_s
-        self._measure_now(plan.policy, episodes_to_measure(seconds, self._episode_s, VAL_EPISODES_MAX))
+        self._measure_now(plan.policy, VAL_EPISODES_MAX)
         self._leave_best(plan.policy)
 
     def take(self, folder: Path) -> PolicyMeasurement | None:
@@ -291,7 +290,7 @@ class Supervisor:
             PolicyError: If the policy cannot be used.
         """
         if policy_sha256(folder) not in [measurement.policy for measurement in self.measurements]:
-            self._measure_now(folder, TAKEN_EPISODES)
+            self._measure_now(folder, TAKEN_EPISODES_MAX)
         self._leave_best(folder)
         return self._kept
 
@@ -301,9 +300,10 @@ class Supervisor:
         best = best_of(self.measurements)
         return None if best is None else self.measurements[best]
 
-    def _measure_now(self, folder: Path, episodes: int) -> None:
+    def _measure_now(self, folder: Path, episodes_max: int) -> None:
         """Measure a policy at the end of the budget."""
-        training = read_training(self._plan.policy)
+        training, share_s = read_training(self._plan.policy), self._plan.learn.val_share * self._spent_s
+        episodes = episodes_to_measure(share_s, self._episode_s, episodes_max)
         measured = self._measuring.val(folder, policy_sha256(folder), episodes, 1.0)
         before = self.points[-1] if self.points else None
         self.points.append(
