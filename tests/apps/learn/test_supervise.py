@@ -179,6 +179,11 @@ def test_policy_that_learned_elsewhere_is_kept_if_it_is_better(
     again, _, resumed = learn(plan(minutes=8.0), [0.1])
     assert resumed == found
     assert again.measurements == supervisor.measurements
+    state = json.loads(plan().state_file.read_text())
+    plan().state_file.write_text(json.dumps(state | {"spent_s": state["spent_s"] - 0.1}))
+    late, _, _ = learn(plan(minutes=8.0), [0.1])
+    late.take(write_policy(tmp_path / "third", seed=2))
+    assert late.points[-1].minutes == late.points[-2].minutes
     assert chosen is not None
 
 
