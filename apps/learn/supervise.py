@@ -308,7 +308,7 @@ class Supervisor:
         before = self.points[-1] if self.points else None
         self.points.append(
             CurvePoint(
-                # The state has the time in tenths of a second: a run that resumes may be a little earlier than its curve.
+                # The state has the time in tenths of a second: a resumed run may be a little earlier than its curve.
                 minutes=max(self.minutes, before.minutes if before else 0.0),
                 recorded=before.recorded if before else 0,
                 learned=training.samples,
