@@ -33,5 +33,5 @@ def trained_weights(folder: Path, camera: CameraConfig, widths: tuple[int, ...])
         raise PolicyError(f"{path} cannot be read: {error}; train perception again.") from error
     wanted = PerceptionNet(camera, widths).state_dict()
     if {name: value.shape for name, value in weights.items()} != {name: v.shape for name, v in wanted.items()}:
-        raise PolicyError(f"{path} is of a network of other widths; give its widths with --network.widths.")
+        raise PolicyError(f"{path} is of a network of other widths than {widths}; set widths to its own.")
     return weights, hashlib.sha256(data).hexdigest()

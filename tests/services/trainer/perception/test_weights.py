@@ -15,11 +15,11 @@ from tests.services.trainer.perception.conftest import ROBOT
 WIDTHS = (8, 12, 16, 16, 32)
 
 
-@pytest.fixture(scope="module")
-def trained(tmp_path_factory: pytest.TempPathFactory) -> tuple[PerceptionNet, Path]:
-    net, folder = PerceptionNet(ROBOT.camera, WIDTHS), tmp_path_factory.mktemp("trained")
-    export_perception(net.eval(), PerceptionSpec(robot=ROBOT), folder)
-    return net, folder
+@pytest.fixture
+def trained(tmp_path: Path) -> tuple[PerceptionNet, Path]:
+    net = PerceptionNet(ROBOT.camera, WIDTHS)
+    export_perception(net.eval(), PerceptionSpec(robot=ROBOT), tmp_path)
+    return net, tmp_path
 
 
 def test_weights_are_those_of_the_network_with_the_hash_of_their_file(trained: tuple[PerceptionNet, Path]) -> None:
@@ -34,7 +34,9 @@ def test_other_camera_or_widths_and_broken_files_are_refused(trained: tuple[Perc
     folder = trained[1]
     with pytest.raises(PolicyError, match="perceives with another camera than the data have"):
         trained_weights(folder, CameraConfig(height_px=24, width_px=56), WIDTHS)
-    with pytest.raises(PolicyError, match="is of a network of other widths"):
+    with pytest.raises(
+        PolicyError, match=r"is of a network of other widths than \(8, 12, 16, 16, 40\); set widths to its own"
+    ):
         trained_weights(folder, ROBOT.camera, (8, 12, 16, 16, 40))
     (folder / WEIGHTS_FILE).write_bytes(b"no weights")
     with pytest.raises(PolicyError, match=r"cannot be read: .*; train perception again"):
