@@ -10,7 +10,7 @@ import numpy as np
 
 from readygo.apps.learn.choice import PolicyMeasurement
 from readygo.apps.learn.curve import CurvePoint
-from readygo.apps.learn.plan import FIRST_FOLDER, LearnPlan
+from readygo.apps.learn.plan import FIRST_FOLDER, REFINED_FOLDER, LearnPlan
 from readygo.apps.learn.training import read_losses
 from readygo.apps.pictures.playback import latest_pictured, rows_of
 from readygo.apps.pictures.recorded import RecordedEpisodes
@@ -23,6 +23,7 @@ from readygo.common.drawing.charts import Curve
 from readygo.common.episode import wilson_interval
 from readygo.common.messages import DriverKind, Outcome
 from readygo.common.scenes.top_view import TopView, top_view
+from readygo.runs.policy import policy_sha256
 from readygo.runs.world import World
 from readygo.services.evaluator import EvaluateReply
 
@@ -80,7 +81,7 @@ def gather(
         strip_note=f"Episode {seen.episode.episode_id}, as recorded: {dataset.width_px}x{dataset.height_px}.",
         **_rates(points),
         losses=tuple(read_losses(plan.out / "policy")),
-        training_note=_chosen_note(chosen),
+        training_note=_chosen_note(chosen) + _refined_note(plan, chosen),
         ends=_ends(dataset, driven),
         ends_note=f"Last places of the latest {len(driven)} recorded episodes that policies drove in {place.name}.",
         films=tuple(_failures(films, recorded, driven, view)),
@@ -144,6 +145,16 @@ def _chosen_note(chosen: PolicyMeasurement | None) -> str:
         f"The policy that was kept is the best on the split val: {100 * chosen.static:.0f} % static and "
         f"{100 * chosen.dynamic:.0f} % among humans, {chosen.episodes} episodes each, after "
         f"{100 * chosen.fraction:.0f} % of the budget. The split test had no part in any choice."
+    )
+
+
+def _refined_note(plan: LearnPlan, chosen: PolicyMeasurement | None) -> str:
+    """A sentence where the policy is the one that learned last in the form "paper", whose losses are elsewhere."""
+    folder = plan.out / REFINED_FOLDER / "policy"
+    if chosen is None or not folder.is_dir() or policy_sha256(folder) != chosen.policy:
+        return ""
+    return (
+        f" It learned in {REFINED_FOLDER}/, with perception from all images; these losses are of the policy before it."
     )
 
 

@@ -37,6 +37,8 @@ FORMAT = "readygo-learn/1"
 LOCK_FILE = ".lock"
 FIRST_FOLDER = "perceive"
 """Folder of the run that comes first in the form "paper"."""
+REFINED_FOLDER = "refined"
+"""Folder of what perception and a policy learn last in the form "paper"."""
 STATE = "learn.json"
 """File with the settings that must not change when the run resumes, and the time spent."""
 SMALL_CAMERA = CameraConfig(height_px=72, width_px=128)

@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from readygo.apps.learn.perceive import Step
-from readygo.apps.learn.plan import Budget, LearnPlan
+from readygo.apps.learn.plan import REFINED_FOLDER, Budget, LearnPlan
 from readygo.apps.learn.training import trainer_config
 from readygo.common.dataset import Dataset
 from readygo.common.documents import read_json, write_json
@@ -22,7 +22,6 @@ from readygo.runs.perception import train_perception
 from readygo.runs.training import run_training
 from readygo.services.trainer import PerceptionConfig
 
-REFINED_FOLDER = "refined"
 DATA_FILE = "data.json"
 PERCEPTION_SHARE, POLICY_SHARE = 0.45, 0.4
 """Shares of the time for perception and for the policy; reading images takes the rest."""

@@ -1,5 +1,6 @@
 import dataclasses
 import json
+import shutil
 
 import pytest
 
@@ -13,7 +14,9 @@ from readygo.apps.report.tables import DriverScore
 from readygo.common.dataset import Dataset
 from readygo.common.episode.metrics import EpisodeResult, summarize
 from readygo.common.messages import DriverKind, Outcome
+from readygo.runs.policy import policy_sha256
 from readygo.services.evaluator import STRAIGHT_LINE, EvaluateReply, Task
+from tests.common.policy.artifacts import write_policy
 
 CHOSEN = PolicyMeasurement(fraction=0.5, policy="ab", episodes=8, static=0.5, dynamic=0.25)
 POINTS = [
@@ -73,6 +76,23 @@ def test_report_says_whether_the_people_of_the_test_were_seen(tiny: LearnPlan, k
     content = report_content(learned, ("embedded",))
     assert ("do not walk in the data" in content.scores_note) == kept
     assert any("--avatars" in command.line for command in content.commands) == kept
+
+
+def test_report_names_the_training_of_the_policy_that_learned_last(tiny: LearnPlan) -> None:
+    folder = write_policy(tiny.out / "refined" / "policy", seed=1)
+    last = dataclasses.replace(CHOSEN, policy=policy_sha256(folder))
+    notes = [
+        report_content(
+            Learned(plan=tiny, points=POINTS, chosen=chosen, replies={}, minutes=1.0), ("embedded",)
+        ).training_note
+        for chosen in (last, CHOSEN)
+    ]
+    shutil.rmtree(folder.parent)
+    assert notes[
+        0
+    ] == f"{notes[1]} It learned in refined/, with perception from all images; these losses are of the " + (
+        "policy before it."
+    )
 
 
 def test_run_without_a_measurement_says_so(tiny: LearnPlan) -> None:
