@@ -46,7 +46,7 @@ def train_perception(
     if config.perception and Path(config.perception).resolve() == out.resolve():
         raise ConfigError(f"{out} would replace the network that it begins with: choose another folder.")
     with torch_needed():
-        from readygo.services.trainer import PerceptionRun, image_bytes, joined, looks_of
+        from readygo.services.trainer import PerceptionRun, RecordedScene, image_bytes, looks_of
     datasets = [Dataset(folder) for folder in data]
     robot = datasets[0].robot
     if robot is None:
@@ -58,14 +58,15 @@ def train_perception(
             raise DatasetError(f"{folder} is of another robot than {data[0]}; train on data of one robot.")
     images = sum(int(dataset.pictured.sum()) for dataset in datasets)
     share = min(1.0, config.memory_mb * 1e6 / max(images * image_bytes(robot.camera), 1))
-    parts = []
+    recorded = []
     for folder, dataset in zip(data, datasets, strict=True):
         maps = scene_of(folder, dataset, scenes).maps
-        parts.append(looks_of(dataset, robot.camera, maps.robot, maps.sight, config.spacing_s, share=share))
+        recorded.append(RecordedScene(dataset=dataset, blocked=maps.robot, sight=maps.sight))
+    looks = looks_of(recorded, robot.camera, config.spacing_s, share=share)
     origin = {KEY: section_to_mapping(origin_of_data(data)), "settings": section_to_mapping(config)}
     spec = PerceptionSpec(robot=robot, spacing_s=config.spacing_s, training=origin)
     hashes = {f"data {number}": dataset.content_hash for number, dataset in enumerate(datasets)}
-    return PerceptionRun(joined(parts), spec, config, out, hashes).go(show)
+    return PerceptionRun(looks, spec, config, out, hashes).go(show)
 
 
 def scene_of(folder: Path, dataset: Dataset, scenes: Sequence[str] = ()) -> Scene:

@@ -234,8 +234,13 @@ def _record(plan: PerceivePlan, spec: RunSpec, name: str, budget_s: float, state
     """
     folder, goals, spent = plan.out / "data" / name, state["episodes"], state["recording_s"]
 
+    begin_s = time.monotonic()
+
     def tell(status: StatusReply) -> None:
-        show(Step(name="recording", fraction=status.committed / max(status.wanted, 1), words=name))
+        fraction = status.committed / max(status.wanted, 1)
+        if name in spent:
+            fraction = min((spent[name] + time.monotonic() - begin_s) / budget_s, 1.0)
+        show(Step(name="recording", fraction=fraction, words=name))
 
     with _counted(plan, state):
         if name not in goals or name in spent:

@@ -24,7 +24,7 @@ from readygo.common.perception.artifact import WEIGHTS_FILE, PerceptionSpec, loa
 from readygo.common.scenes import Scene
 from readygo.runs.perception import scene_of
 from readygo.services.trainer.config import PERCEPTION_WIDTHS
-from readygo.services.trainer.perception.looks import Looks, looks_of
+from readygo.services.trainer.perception.looks import Looks, RecordedScene, looks_of
 from readygo.services.trainer.perception.network import PerceptionNet
 from readygo.services.trainer.perception.train import measure, perceive
 
@@ -41,7 +41,8 @@ def looked_at(dataset: Dataset, scene: Scene, perceptions: Sequence[Path]) -> Lo
             raise PolicyError(f"{folder} is of another camera than the data.")
         if spec.spacing_s != specs[0].spacing_s:
             raise PolicyError(f"{folder} sees frames that are {spec.spacing_s:g} s apart, unlike {perceptions[0]}.")
-    return looks_of(dataset, specs[0].robot.camera, scene.maps.robot, scene.maps.sight, specs[0].spacing_s)
+    recorded = RecordedScene(dataset=dataset, blocked=scene.maps.robot, sight=scene.maps.sight)
+    return looks_of([recorded], specs[0].robot.camera, specs[0].spacing_s)
 
 
 def network_of(folder: Path, spec: PerceptionSpec) -> PerceptionNet:

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from readygo.services.trainer.networks.config import NetworkTrainConfig as NetworkTrainConfig
     from readygo.services.trainer.networks.train import train_network as train_network
     from readygo.services.trainer.perception.config import PerceptionConfig as PerceptionConfig
+    from readygo.services.trainer.perception.looks import RecordedScene as RecordedScene
     from readygo.services.trainer.perception.looks import image_bytes as image_bytes
-    from readygo.services.trainer.perception.looks import joined as joined
     from readygo.services.trainer.perception.looks import looks_of as looks_of
     from readygo.services.trainer.perception.train import PerceptionProgress as PerceptionProgress
     from readygo.services.trainer.perception.train import PerceptionRun as PerceptionRun
@@ -63,8 +63,8 @@ else:
         ".networks.train": ("train_network",),
         ".perception.config": ("PerceptionConfig",),
         ".perception.looks": (
+            "RecordedScene",
             "image_bytes",
-            "joined",
             "looks_of",
         ),
         ".perception.train": (

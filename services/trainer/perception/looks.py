@@ -1,5 +1,6 @@
 """Images with what perception shall tell of them, in memory."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -18,13 +19,22 @@ from readygo.services.trainer.pooling import pool, pooling_of
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class RecordedScene:
+    """Recorded episodes, with the maps of the scene that they were recorded in."""
+
+    dataset: Dataset
+    blocked: OccupancyMap
+    """What blocks the robot."""
+    sight: SightMap
+    """What hides humans."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Looks:
     """N images, with the two before each."""
 
     frames: UInt8Array
     """All images, pooled, shape (N, H, W, 3)."""
-    grey: UInt8Array
-    """Mean of their colours, shape (N, H, W)."""
     window: Int64Array
     """Rows of `frames` that are seen together, the oldest first, shape (N, 3)."""
     motion: Float32Array
@@ -38,88 +48,51 @@ class Looks:
 
 
 def image_bytes(camera: CameraConfig) -> int:
-    """Memory that an image takes: its pooled colours and their mean."""
-    pooling = pooling_of(camera, POOLED_HEIGHT_PX)
-    return 4 * (camera.height_px // pooling) * (camera.width_px // pooling)
+    """Memory that an image takes."""
+    return math.prod(_pooled_size(camera))
 
 
-def looks_of(
-    dataset: Dataset,
-    camera: CameraConfig,
-    blocked: OccupancyMap,
-    sight: SightMap,
-    spacing_s: float,
-    *,
-    share: float = 1.0,
-) -> Looks:
-    """The images of data that were recorded in one scene.
+def looks_of(recorded: Sequence[RecordedScene], camera: CameraConfig, spacing_s: float, *, share: float = 1.0) -> Looks:
+    """The images of recorded episodes, those of all scenes in one array.
 
     Args:
-        dataset: The recorded episodes.
+        recorded: The recorded episodes, one or more of them with images.
         camera: The robot's camera.
-        blocked: What blocks the robot in the scene.
-        sight: What hides humans there.
         spacing_s: Time between the images that are seen together [s].
         share: Share of the episodes, spread evenly, whose images are taken.
 
     Raises:
         DatasetError: If a shard is damaged.
     """
-    numbers = np.arange(len(dataset.episodes))
-    taken = np.floor((numbers + 1) * share) > np.floor(numbers * share)
-    samples = np.flatnonzero(dataset.pictured & taken[dataset.episode_of_sample])
-    pooling = pooling_of(camera, POOLED_HEIGHT_PX)
-    size = camera.height_px // pooling, camera.width_px // pooling, 3
-    frames = np.empty((len(samples), *size), np.uint8)
-    for row, index in enumerate(samples.tolist()):
-        frames[row] = pool(dataset.decode(index), pooling)
-    episode = dataset.episode_of_sample[samples].astype(np.int64)
-    window = np.empty((len(samples), FRAMES), np.int64)
-    spacing_ns = round(spacing_s * 1e9)
-    for number in np.unique(episode).tolist():
-        rows = np.flatnonzero(episode == number)
-        times_ns = dataset.time_ns[samples[rows]].tolist()
-        for k in range(len(rows)):
-            window[rows[k]] = rows[0] + np.array(window_at(times_ns[: k + 1], spacing_ns, FRAMES))
-    poses = dataset.poses[samples][:, [0, 1, 3]]
-    begins = samples == np.array([entry.first_sample for entry in dataset.episodes])[episode]
-    executed = np.where(begins[:, None], 0.0, dataset.actions[np.maximum(samples - 1, 0)]).astype(np.float32)
+    taken = [_taken(each.dataset, share) for each in recorded]
+    first_rows = np.cumsum([0, *(len(samples) for samples in taken)])
+    first_episodes = np.cumsum([0, *(len(each.dataset.episodes) for each in recorded)])
+    frames = np.empty((first_rows[-1], *_pooled_size(camera)), np.uint8)
+    windows, motions, labels, episodes = [], [], [], []
+    for each, samples, first_row, first_episode in zip(recorded, taken, first_rows, first_episodes, strict=False):
+        _decode(each.dataset, samples, frames[first_row:], pooling_of(camera, POOLED_HEIGHT_PX))
+        window = _windows(each.dataset, samples, spacing_s)
+        windows.append(first_row + window)
+        motions.append(_motion(each.dataset, samples, window))
+        labels.append(labels_of(each.dataset, samples, camera, each.blocked, each.sight))
+        episodes.append(first_episode + each.dataset.episode_of_sample[samples].astype(np.int64))
     return Looks(
         frames=frames,
-        grey=grey_of(frames),
-        window=window,
-        motion=own_motion(poses[window[:, :-1]], poses, executed),
-        labels=labels_of(dataset, samples, camera, blocked, sight),
-        episode=episode,
-    )
-
-
-def joined(parts: Sequence[Looks]) -> Looks:
-    """The images of several data folders as one."""
-    if len(parts) == 1:
-        return parts[0]
-    first_frames = np.cumsum([0, *(len(part.frames) for part in parts)])
-    first_episodes = np.cumsum([0, *(int(part.episode.max(initial=-1)) + 1 for part in parts)])
-    return Looks(
-        frames=np.concatenate([part.frames for part in parts]),
-        grey=np.concatenate([part.grey for part in parts]),
-        window=np.concatenate([part.window + first for part, first in zip(parts, first_frames, strict=False)]),
-        motion=np.concatenate([part.motion for part in parts]),
+        window=np.concatenate(windows),
+        motion=np.concatenate(motions),
         labels=PerceptionLabels(
-            people=np.concatenate([part.labels.people for part in parts]),
-            visible=np.concatenate([part.labels.visible for part in parts]),
-            rays_m=np.concatenate([part.labels.rays_m for part in parts]),
+            people=np.concatenate([part.people for part in labels]),
+            visible=np.concatenate([part.visible for part in labels]),
+            rays_m=np.concatenate([part.rays_m for part in labels]),
         ),
-        episode=np.concatenate([part.episode + first for part, first in zip(parts, first_episodes, strict=False)]),
+        episode=np.concatenate(episodes),
     )
 
 
 def grey_of(frames: UInt8Array) -> UInt8Array:
-    """Mean of the colours, a frame at a time."""
-    grey = np.empty(frames.shape[:3], np.uint8)
-    for row, frame in enumerate(frames):
-        red, green, blue = (frame[..., channel].astype(np.uint16) for channel in range(3))
-        grey[row] = (red + green + blue + 1) // 3
+    """Rounded mean of the colours, which are the last axis."""
+    red, green, blue = (frames[..., channel].astype(np.uint16) for channel in range(3))
+    grey: UInt8Array = ((red + green + blue + 1) // 3).astype(np.uint8)
     return grey
 
 
@@ -130,3 +103,39 @@ def held_out(looks: Looks, share: float, seed: int) -> BoolArray:
     drawn = np.random.default_rng([seed, 0xE9]).permutation(episodes)[:count]
     chosen: BoolArray = np.isin(looks.episode, drawn)
     return chosen
+
+
+def _pooled_size(camera: CameraConfig) -> tuple[int, int, int]:
+    pooling = pooling_of(camera, POOLED_HEIGHT_PX)
+    return camera.height_px // pooling, camera.width_px // pooling, 3
+
+
+def _taken(dataset: Dataset, share: float) -> Int64Array:
+    """Samples with an image of a share of the episodes."""
+    numbers = np.arange(len(dataset.episodes))
+    taken = np.floor((numbers + 1) * share) > np.floor(numbers * share)
+    return np.flatnonzero(dataset.pictured & taken[dataset.episode_of_sample])
+
+
+def _decode(dataset: Dataset, samples: Int64Array, frames: UInt8Array, pooling: int) -> None:
+    for row, index in enumerate(samples.tolist()):
+        frames[row] = pool(dataset.decode(index), pooling)
+
+
+def _windows(dataset: Dataset, samples: Int64Array, spacing_s: float) -> Int64Array:
+    """Rows of `samples` that are seen together, shape (N, 3)."""
+    episode = dataset.episode_of_sample[samples]
+    window = np.empty((len(samples), FRAMES), np.int64)
+    for number in np.unique(episode).tolist():
+        rows = np.flatnonzero(episode == number)
+        times_ns = dataset.time_ns[samples[rows]].tolist()
+        for k in range(len(rows)):
+            window[rows[k]] = rows[0] + np.array(window_at(times_ns[: k + 1], round(spacing_s * 1e9), FRAMES))
+    return window
+
+
+def _motion(dataset: Dataset, samples: Int64Array, window: Int64Array) -> Float32Array:
+    poses = dataset.poses[samples][:, [0, 1, 3]]
+    begins = samples == np.array([entry.first_sample for entry in dataset.episodes])[dataset.episode_of_sample[samples]]
+    executed = np.where(begins[:, None], 0.0, dataset.actions[np.maximum(samples - 1, 0)]).astype(np.float32)
+    return own_motion(poses[window[:, :-1]], poses, executed)

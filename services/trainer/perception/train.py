@@ -25,7 +25,7 @@ from readygo.services.trainer.config import CHECKPOINT_FILE
 from readygo.services.trainer.hardware import cpu_has_bf16, device_of
 from readygo.services.trainer.perception.config import PerceptionConfig
 from readygo.services.trainer.perception.export import export_perception
-from readygo.services.trainer.perception.looks import Looks, held_out
+from readygo.services.trainer.perception.looks import Looks, grey_of, held_out
 from readygo.services.trainer.perception.loss import perception_loss, targets_of
 from readygo.services.trainer.perception.metrics import PerceptionMetrics, measure_perception
 from readygo.services.trainer.perception.network import PerceptionModule, PerceptionNet
@@ -266,7 +266,7 @@ def shown_of(net: PerceptionNet, looks: Looks, rows: Int64Array) -> Tensor:
     """What the network is shown of some images, see `PerceptionNet.stack`."""
     device = device_of_net(net)
     newest = torch.from_numpy(looks.frames[rows]).to(device).permute(0, 3, 1, 2).float() / 255.0
-    grey = torch.from_numpy(looks.grey[looks.window[rows]]).to(device).float() / 255.0
+    grey = torch.from_numpy(grey_of(looks.frames[looks.window[rows]])).to(device).float() / 255.0
     return net.stack(newest, grey, torch.from_numpy(looks.motion[rows]).to(device))
 
 

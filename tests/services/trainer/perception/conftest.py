@@ -7,7 +7,7 @@ from readygo.common.camera.config import CameraConfig
 from readygo.common.perception.grid import polar_grid
 from readygo.common.robot import RobotConfig
 from readygo.services.trainer.perception.labels import PEOPLE_MAX, PerceptionLabels
-from readygo.services.trainer.perception.looks import Looks, grey_of
+from readygo.services.trainer.perception.looks import Looks
 
 CAMERA = CameraConfig(height_px=72, width_px=128)
 ROBOT = RobotConfig(camera=CAMERA)
@@ -33,7 +33,6 @@ def make_looks(count: int = 60, *, episodes: int = 6, seed: int = 0, camera: Cam
     rows = np.arange(count)
     return Looks(
         frames=frames,
-        grey=grey_of(frames),
         window=np.stack([rows, rows, rows], axis=1),
         motion=np.zeros((count, 8), np.float32),
         labels=PerceptionLabels(
