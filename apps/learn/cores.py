@@ -19,8 +19,7 @@ def split_cores(cores: int, *, scenes: int, collect_hz: float, train_hz: float, 
     """The split at which training uses every recorded sample `reuse` times.
 
     k of n cores record k c samples a second, the others learn from (n - k) t: as many as k c reuse where
-    k = n t / (t + reuse c). Both sides have a process at least, and every scene a collector; a trainer that needs less
-    than half a core shares one with a collector.
+    k = n t / (t + reuse c). Both sides get a core at least, and every scene a collector.
 
     Args:
         cores: Number of cores, n.
@@ -30,7 +29,7 @@ def split_cores(cores: int, *, scenes: int, collect_hz: float, train_hz: float, 
         reuse: How often training uses each sample.
     """
     wanted = round(cores * train_hz / (train_hz + reuse * collect_hz))
-    collectors = max(scenes, min(wanted, cores), 1)
+    collectors = max(scenes, min(wanted, cores - 1), 1)
     return CoreSplit(collectors, max(1, cores - collectors))
 
 

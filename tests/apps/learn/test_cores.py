@@ -10,13 +10,7 @@ def split(
 
 
 def test_two_cores_are_one_for_each() -> None:
-    assert split(2) == split(2, reuse=100.0) == CoreSplit(1, 1)
-
-
-def test_trainer_that_needs_less_than_half_a_core_shares_one_with_a_collector() -> None:
-    assert split(2, train_hz=1190.0) == CoreSplit(1, 1)
-    assert split(2, train_hz=1210.0) == split(2, reuse=0.01) == CoreSplit(2, 1)
-    assert split(8, train_hz=1e6) == CoreSplit(8, 1)
+    assert split(2) == split(2, reuse=100.0) == split(2, reuse=0.01) == CoreSplit(1, 1)
 
 
 def test_one_core_is_shared() -> None:
