@@ -124,6 +124,11 @@ class Step:
 Show = Callable[[Step], None]
 
 
+def training_step(name: str, fraction: float, loss: float) -> Step:
+    """How far a training is; its loss is left out while it is not known."""
+    return Step(name=name, fraction=fraction, words=f"loss {loss:.2f}" if math.isfinite(loss) else "")
+
+
 def learn_to_perceive(
     plan: PerceivePlan,
     *,
@@ -271,9 +276,7 @@ def _train(plan: PerceivePlan, folders: list[Path], state: dict[str, Any], show:
             config,
             plan.perception,
             scenes=plan.scenes,
-            show=lambda progress: show(
-                Step(name="training", fraction=progress.fraction, words=f"loss {progress.train_loss:.2f}")
-            ),
+            show=lambda told: show(training_step("training", told.fraction, told.train_loss)),
         )
 
 

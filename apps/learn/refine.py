@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from readygo.apps.learn.perceive import Step
+from readygo.apps.learn.perceive import Step, training_step
 from readygo.apps.learn.plan import REFINED_FOLDER, Budget, LearnPlan
 from readygo.apps.learn.training import trainer_config
 from readygo.common.dataset import Dataset
@@ -56,14 +56,14 @@ def refine(plan: LearnPlan, show: Callable[[Step], None], *, before: Sequence[Pa
         config,
         out / PERCEPTION,
         scenes=[place.scene for place in plan.places],
-        show=lambda told: show(Step(name="perception", fraction=told.fraction, words=f"loss {told.train_loss:.2f}")),
+        show=lambda told: show(training_step("perception", told.fraction, told.train_loss)),
     )
     policy = out / "policy"
     run_training(
         dataset,
         trainer_config(plan, Budget(minutes=POLICY_SHARE * minutes), out / PERCEPTION),
         policy,
-        show=lambda told: show(Step(name="policy", fraction=told.fraction, words=f"loss {told.train_loss:.2f}")),
+        show=lambda told: show(training_step("policy", told.fraction, told.train_loss)),
     )
     note_origin(policy, origin_of_runs(place.spec for place in plan.places))
     return policy

@@ -1,5 +1,6 @@
 import dataclasses
 import json
+import math
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -34,6 +35,7 @@ def trainings(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
         asked.append(("policy", dataset, config, out))
         write_policy(out)
         show(SimpleNamespace(fraction=0.75, train_loss=1.0))
+        show(SimpleNamespace(fraction=0.8, train_loss=math.nan))
 
     monkeypatch.setattr(module, "train_perception", train_perception)
     monkeypatch.setattr(module, "run_training", run_training)
@@ -58,6 +60,7 @@ def test_perception_learns_from_all_data_and_then_the_policy_from_those_of_this_
     assert [(step.name, step.fraction, step.words) for step in steps] == [
         ("perception", 0.5, "loss 0.25"),
         ("policy", 0.75, "loss 1.00"),
+        ("policy", 0.8, ""),
     ]
     origin = origin_of_policy(load_spec(policy))
     assert origin is not None
