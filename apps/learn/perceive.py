@@ -239,8 +239,6 @@ def _record(plan: PerceivePlan, spec: RunSpec, name: str, budget_s: float, state
     """
     folder, goals, spent = plan.out / "data" / name, state["episodes"], state["recording_s"]
 
-    begin_s = time.monotonic()
-
     def tell(status: StatusReply) -> None:
         fraction = status.committed / max(status.wanted, 1)
         if name in spent:
